@@ -1,0 +1,174 @@
+//! The refined separation: iterative proportional fitting of the minimum to every photograph (MATH.md).
+//!
+//! Per lane, the squares of row comb (v, k) must add to its photograph, and so must those of column comb (u, k'). Row comb
+//! (v, k) and column comb (u, k') share a square only if u ≡ k and v ≡ k': the M × M squares fall into spacing² *blocks*
+//! (k, k') of about M/spacing × M/spacing squares, and in each block the row combs are the sums of its rows and the column
+//! combs the sums of its columns. Blocks do not touch each other; fitting a table to its margins is the classical problem
+//! of Deming & Stephan (1940).
+//!
+//! Photographs are noisy, so a block's row combs and column combs do not have quite the same total, and no table has both.
+//! They are reconciled first: each block's total is the mean of the two, all totals are scaled so that they add to the white
+//! frame (one photograph that carries all the light, hence the least noise), and the margins are scaled to their total. The
+//! fit then has a solution, every comb is explained up to its own noise, and the squares add up to the white frame. Noise
+//! is cut off at zero once a block, not once a square: hundreds of cells that are each a little too bright add up.
+
+use super::{Combs, separate_minimum};
+
+/// Sweeps stop when every row of the block is within this share of the block's total. Halves round to 5·10⁻⁴.
+const TOLERANCE: f32 = 1e-4;
+/// Sweeps at most (MATH.md: about 30).
+const SWEEPS: usize = 30;
+
+/// Separates by fitting; squares whose comb was not taken become zero, and blocks that lack a photograph keep the minimum.
+///
+/// # Panics
+/// If `squares` does not hold M² · lanes values.
+pub fn separate_fitted(combs: &Combs, squares: &mut [f32]) {
+    separate_minimum(combs, squares);
+    let phases = combs.spacing.min(combs.squares);
+    let mut blocks: Vec<Block> =
+        (0..phases).flat_map(|k| (0..phases).filter_map(move |kk| Block::new(combs, k, kk))).collect();
+    let whole = blocks.len() == phases * phases;
+    if let (Some(white), true) = (combs.white, whole) {
+        scale_to_white(&mut blocks, white);
+    }
+    let mut fit = Fit::new(combs.lanes);
+    for block in &mut blocks {
+        block.reconcile(&mut fit);
+        fit.run(combs, block, squares);
+    }
+}
+
+/// The squares (u, v) with u ≡ k, v ≡ k', their margins and total.
+struct Block {
+    /// The columns u of the block.
+    us: Vec<usize>,
+    /// The rows v of the block.
+    vs: Vec<usize>,
+    /// Row margins, `[row in block][lane]`.
+    rows: Vec<f32>,
+    /// Column margins, `[column in block][lane]`.
+    columns: Vec<f32>,
+    /// Total a lane.
+    total: Vec<f32>,
+}
+
+impl Block {
+    /// Gathers the photographs of the block; `None` if one was not taken.
+    fn new(combs: &Combs, k: usize, kk: usize) -> Option<Self> {
+        let line = |phase: usize| (phase..combs.squares).step_by(combs.spacing).collect::<Vec<_>>();
+        let (us, vs) = (line(k), line(kk));
+        let gather = |lines: &[usize], frames: &[Option<&[f32]>], phase: usize| {
+            let frames = lines.iter().map(|line| frames[line * combs.spacing + phase]);
+            frames.collect::<Option<Vec<_>>>().map(|frames| frames.concat())
+        };
+        let rows = gather(&vs, &combs.rows, k)?;
+        let columns = gather(&us, &combs.columns, kk)?;
+        // The two families measure the same light: their mean has half the variance.
+        let mut total = vec![0.0; combs.lanes];
+        for margin in [&rows, &columns] {
+            for frame in margin.chunks_exact(combs.lanes) {
+                total.iter_mut().zip(frame).for_each(|(total, value)| *total += 0.5 * value);
+            }
+        }
+        total.iter_mut().for_each(|total| *total = total.max(0.0));
+        Some(Self { us, vs, rows, columns, total })
+    }
+
+    /// Cuts the margins at zero and scales each family to the block's total.
+    fn reconcile(&mut self, fit: &mut Fit) {
+        for margin in [&mut self.rows, &mut self.columns] {
+            let count = margin.len() / fit.lanes;
+            fit.sum.fill(0.0);
+            for frame in margin.chunks_exact_mut(fit.lanes) {
+                for (value, sum) in frame.iter_mut().zip(&mut fit.sum) {
+                    *value = value.max(0.0);
+                    *sum += *value;
+                }
+            }
+            for frame in margin.chunks_exact_mut(fit.lanes) {
+                for ((value, sum), total) in frame.iter_mut().zip(&fit.sum).zip(&self.total) {
+                    // A family that saw nothing of the total says nothing about where it is.
+                    *value = if *sum > 0.0 { *value * (total / sum) } else { total / count as f32 };
+                }
+            }
+        }
+    }
+}
+
+/// Scales the totals of all blocks so that they add to the white frame, where it is to be trusted.
+fn scale_to_white(blocks: &mut [Block], white: &[f32]) {
+    for (lane, white) in white.iter().enumerate().filter(|(_, white)| !white.is_nan()) {
+        let sum: f32 = blocks.iter().map(|block| block.total[lane]).sum();
+        if sum > 0.0 {
+            let scale = white.max(0.0) / sum;
+            blocks.iter_mut().for_each(|block| block.total[lane] *= scale);
+        }
+    }
+}
+
+/// Scratch for sweeps over the lanes of one block.
+struct Fit {
+    lanes: usize,
+    sum: Vec<f32>,
+    table: Vec<f32>,
+}
+
+impl Fit {
+    fn new(lanes: usize) -> Self {
+        Self { lanes, sum: vec![0.0; lanes], table: Vec::new() }
+    }
+
+    /// Rescales rows and columns in turn until the table has the block's margins; the last word have the columns, so the
+    /// squares add exactly to the total.
+    fn run(&mut self, combs: &Combs, block: &Block, squares: &mut [f32]) {
+        let lanes = self.lanes;
+        let (across, down) = (block.us.len(), block.vs.len());
+        // The minimum of the reconciled margins: zero only where a margin is, so the fit can always succeed.
+        self.table.clear();
+        for row in block.rows.chunks_exact(lanes) {
+            for column in block.columns.chunks_exact(lanes) {
+                self.table.extend(row.iter().zip(column).map(|(row, column)| row.min(*column)));
+            }
+        }
+        for _ in 0..SWEEPS {
+            let mut worst = 0.0f32;
+            for j in 0..down {
+                let margin = &block.rows[j * lanes..][..lanes];
+                self.rescale((0..across).map(|i| j * across + i), margin);
+                for ((sum, margin), total) in self.sum.iter().zip(margin).zip(&block.total) {
+                    worst = worst.max((sum - margin).abs() - TOLERANCE * total);
+                }
+            }
+            for i in 0..across {
+                self.rescale((0..down).map(|j| j * across + i), &block.columns[i * lanes..][..lanes]);
+            }
+            if worst <= 0.0 {
+                break;
+            }
+        }
+        for (j, v) in block.vs.iter().enumerate() {
+            for (i, u) in block.us.iter().enumerate() {
+                let fitted = &self.table[(j * across + i) * lanes..][..lanes];
+                squares[(v * combs.squares + u) * lanes..][..lanes].copy_from_slice(fitted);
+            }
+        }
+    }
+
+    /// Scales the table's `members` so that they add to `margin`; leaves their former sums in `self.sum`.
+    fn rescale(&mut self, members: impl Iterator<Item = usize> + Clone, margin: &[f32]) {
+        let lanes = self.lanes;
+        self.sum.fill(0.0);
+        for member in members.clone() {
+            let values = &self.table[member * lanes..][..lanes];
+            self.sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        }
+        for member in members {
+            let values = &mut self.table[member * lanes..][..lanes];
+            for ((value, sum), margin) in values.iter_mut().zip(&self.sum).zip(margin) {
+                // Branch-free: a sum of zero has only zeros to scale.
+                *value *= margin / sum.max(f32::MIN_POSITIVE);
+            }
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! Reading a field.
+
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use relumine_basis::{Cell, Cells};
+use relumine_radiometry::{Image, Transfer};
+use serde::Deserialize;
+
+use crate::writer::shard_path;
+use crate::{BlockBuffer, Blocks, Damage, FieldError, Header, Lamps, PositionRecord, Shard, manifest, zarr};
+
+/// A reflectance field on disk, open for reading.
+pub struct ReflectanceField {
+    path: PathBuf,
+    header: Header,
+    cells: Cells,
+    records: Vec<PositionRecord>,
+    /// Cell indices that were not photographed.
+    missing: HashSet<usize>,
+}
+
+#[derive(Deserialize)]
+struct Group {
+    attributes: Attributes,
+}
+
+#[derive(Deserialize)]
+struct Attributes {
+    relumine: Header,
+    positions: Vec<PositionRecord>,
+}
+
+impl ReflectanceField {
+    /// The most pixels a side of a picture.
+    const MAX_SIDE: usize = 65_536;
+    const MAX_METADATA_BYTES: u64 = 1 << 28;
+
+    /// Opens the field at `path`: reads its metadata, none of its transfers.
+    ///
+    /// # Errors
+    /// If there is no field of this version, or its metadata contradict themselves.
+    pub fn open(path: &Path) -> Result<Self, FieldError> {
+        let group_path = path.join("zarr.json");
+        let not_a_field = |reason: String| FieldError::NotAField { path: path.to_path_buf(), reason };
+        let group: Group = serde_json::from_str(&read_text(&group_path)?)
+            .map_err(|error| FieldError::NotAField { path: group_path.clone(), reason: error.to_string() })?;
+        let Attributes { relumine: header, positions: records } = group.attributes;
+        if header.format != Header::FORMAT {
+            return Err(not_a_field(format!("expected format \"{}\", found \"{}\"", Header::FORMAT, header.format)));
+        }
+        let [width, height] = header.picture;
+        if !(1..=Self::MAX_SIDE).contains(&width) || !(1..=Self::MAX_SIDE).contains(&height) {
+            return Err(not_a_field(format!("a picture of {width} × {height} pixels")));
+        }
+        let cells = header.cells().map_err(|source| FieldError::Geometry { path: group_path, source })?;
+        let m2 = cells.squares() * cells.squares();
+        if records.len() != cells.positions() {
+            return Err(not_a_field(format!("{} positions, but {} records", cells.positions(), records.len())));
+        }
+        let mut missing = HashSet::new();
+        for (index, record) in records.iter().enumerate() {
+            if record.position != index || !(record.scale > 0.0 && record.scale.is_finite()) {
+                return Err(not_a_field(format!("the record of position {index} cannot be")));
+            }
+            for cell in &record.missing {
+                if *cell >= m2 {
+                    return Err(not_a_field(format!("position {index} misses a cell it does not have: {cell}")));
+                }
+                missing.insert(index * m2 + cell);
+            }
+        }
+        if let Lamps::Distant { irradiance } = &header.lamps
+            && irradiance.len() != cells.positions()
+        {
+            return Err(not_a_field(format!("{} positions, but {} lamps", cells.positions(), irradiance.len())));
+        }
+        // The array must be cut as this version cuts it: nothing else in its metadata is ours to interpret.
+        let array_path = path.join(zarr::TRANSFER).join("zarr.json");
+        let found: serde_json::Value = serde_json::from_str(&read_text(&array_path)?)
+            .map_err(|error| FieldError::NotAField { path: array_path.clone(), reason: error.to_string() })?;
+        if found != zarr::transfer(&header) {
+            let reason = "the array is cut or coded in another way than this version does".into();
+            return Err(FieldError::NotAField { path: array_path, reason });
+        }
+        Ok(Self { path: path.to_path_buf(), header, cells, records, missing })
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What it is.
+    pub fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// Its cells.
+    pub fn cells(&self) -> &Cells {
+        &self.cells
+    }
+
+    /// How each position was made.
+    pub fn records(&self) -> &[PositionRecord] {
+        &self.records
+    }
+
+    /// Pixels of every basis picture, `(width, height)`.
+    pub fn picture_size(&self) -> (usize, usize) {
+        let [width, height] = self.header.picture;
+        (width, height)
+    }
+
+    /// How the pictures are cut.
+    pub fn blocks(&self) -> Blocks {
+        self.header.blocks()
+    }
+
+    /// What a stored half of a position is multiplied with to be a transfer.
+    pub fn scale(&self, position: usize) -> f32 {
+        self.records[position].scale
+    }
+
+    /// Whether a cell was not photographed: the field says nothing about it.
+    pub fn is_missing(&self, cell: usize) -> bool {
+        self.missing.contains(&cell)
+    }
+
+    /// Opens one tile of one position; `at_once` reads all its blocks now.
+    ///
+    /// # Errors
+    /// If it cannot be read or its index is damaged.
+    pub fn shard(&self, position: usize, tile: [usize; 2], at_once: bool) -> Result<Shard, FieldError> {
+        let squares = self.cells.squares() * self.cells.squares();
+        Shard::open(&shard_path(&self.path, position, tile), self.blocks(), squares, at_once)
+    }
+
+    /// The transfer Rᵢ of one cell as a picture.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged.
+    pub fn transfer(&self, cell: usize) -> Result<Image<Transfer>, FieldError> {
+        let (width, height) = self.picture_size();
+        let Cell { position, u, v } = self.cells.cell(cell);
+        let square = v * self.cells.squares() + u;
+        let blocks = self.blocks();
+        let mut buffer = BlockBuffer::new(&blocks)
+            .map_err(|source| FieldError::Read { path: self.path.clone(), source })?;
+        let mut picture = Image::black(width, height);
+        let ([block_height, block_width], [down, across]) = (blocks.block(), blocks.blocks_per_tile());
+        for tile in blocks.all_tiles() {
+            let shard = self.shard(position, tile, false)?;
+            let extent = blocks.tile_extent(tile);
+            for block in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])) {
+                let inner = blocks.block_in_tile(&extent, block);
+                if inner.pixels() == 0 || !shard.block(square, block, &mut buffer)? {
+                    continue;
+                }
+                for (row, y) in inner.rows.clone().enumerate() {
+                    for (column, x) in inner.columns.clone().enumerate() {
+                        let value = |channel: usize| {
+                            let half = buffer.values()[(channel * block_height + row) * block_width + column];
+                            half.to_f32() * self.scale(position)
+                        };
+                        let pixel = (extent.rows.start + y) * width + extent.columns.start + x;
+                        picture.pixels_mut()[pixel] = [value(0), value(1), value(2)];
+                    }
+                }
+            }
+        }
+        Ok(picture)
+    }
+
+    /// Holds every file against its digest: an empty list means that the field is whole.
+    ///
+    /// # Errors
+    /// If the list of digests cannot be read.
+    pub fn verify(&self) -> Result<Vec<Damage>, FieldError> {
+        manifest::verify(&self.path)
+    }
+}
+
+fn read_text(path: &Path) -> Result<String, FieldError> {
+    let read = |source| FieldError::Read { path: path.to_path_buf(), source };
+    let length = fs::metadata(path).map_err(read)?.len();
+    if length > ReflectanceField::MAX_METADATA_BYTES {
+        return Err(read(std::io::Error::other(format!("{length} bytes are too many for metadata"))));
+    }
+    fs::read_to_string(path).map_err(read)
+}

@@ -1,0 +1,203 @@
+//! One shard: all squares of one tile of pixels at one position, in one file (Zarr codec `sharding_indexed`).
+//!
+//! The file holds the zstd frames of its blocks, then the index: offset and length of each block as little-endian `u64`s
+//! in the order [v][u][block row][block column], all ones for a block that is not stored, then the CRC-32C of the index.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use half::f16;
+
+use crate::{Blocks, Extent, FieldError, zarr};
+
+/// A block that is not stored has no light at all.
+const NOT_STORED: u64 = u64::MAX;
+const CRC_BYTES: usize = 4;
+const ENTRY_BYTES: usize = 16;
+
+/// The bytes of a shard. `values` are `[square][channel][row][column]` of the pixels in `extent`.
+pub(crate) fn encode(blocks: &Blocks, squares: usize, extent: &Extent, values: &[f16]) -> io::Result<Vec<u8>> {
+    let [down, across] = blocks.blocks_per_tile();
+    let [block_height, block_width] = blocks.block();
+    let plane = extent.pixels();
+    assert_eq!(values.len(), squares * 3 * plane, "a shard needs every square of its tile");
+    let mut bytes = Vec::new();
+    let mut index = Vec::with_capacity(squares * down * across * ENTRY_BYTES);
+    let mut raw = vec![0u8; 3 * block_height * block_width * 2];
+    let mut compressor = zstd::bulk::Compressor::new(zarr::ZSTD_LEVEL)?;
+    compressor.include_checksum(true)?;
+    for square in 0..squares {
+        for block in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])) {
+            let inner = blocks.block_in_tile(extent, block);
+            let stored = gather(&values[square * 3 * plane..][..3 * plane], extent, &inner, [block_height, block_width], &mut raw);
+            let entry = if stored {
+                let frame = compressor.compress(&raw)?;
+                let entry = [bytes.len() as u64, frame.len() as u64];
+                bytes.extend_from_slice(&frame);
+                entry
+            } else {
+                [NOT_STORED; 2]
+            };
+            index.extend(entry.iter().flat_map(|number| number.to_le_bytes()));
+        }
+    }
+    let checksum = crc32c::crc32c(&index);
+    bytes.extend_from_slice(&index);
+    bytes.extend_from_slice(&checksum.to_le_bytes());
+    Ok(bytes)
+}
+
+/// Copies the pixels of one block into `raw`, padded with zeros; whether there is any light in them.
+fn gather(square: &[f16], extent: &Extent, inner: &Extent, [height, width]: [usize; 2], raw: &mut [u8]) -> bool {
+    raw.fill(0);
+    let mut any = 0;
+    for channel in 0..3 {
+        for (y, row) in inner.rows.clone().enumerate() {
+            let from = (channel * extent.rows.len() + row) * extent.columns.len() + inner.columns.start;
+            let to = (channel * height + y) * width * 2;
+            for (value, bytes) in
+                square[from..from + inner.columns.len()].iter().zip(raw[to..].chunks_exact_mut(2))
+            {
+                bytes.copy_from_slice(&value.to_le_bytes());
+                any |= value.to_bits();
+            }
+        }
+    }
+    any != 0
+}
+
+/// A shard open for reading: its index is in memory, its blocks are read when they are asked for.
+pub struct Shard {
+    path: PathBuf,
+    blocks: Blocks,
+    squares: usize,
+    file: File,
+    /// All blocks' bytes, if read at once.
+    body: Option<Vec<u8>>,
+    index: Vec<[u64; 2]>,
+}
+
+impl Shard {
+    /// Opens a shard file; `at_once` reads the whole file now, for callers who want most of its blocks.
+    pub(crate) fn open(path: &Path, blocks: Blocks, squares: usize, at_once: bool) -> Result<Self, FieldError> {
+        let read = |source| FieldError::Read { path: path.to_path_buf(), source };
+        let damaged = |reason: String| FieldError::Damaged { path: path.to_path_buf(), reason };
+        let file = File::open(path).map_err(read)?;
+        let length = file.metadata().map_err(read)?.len();
+        let [down, across] = blocks.blocks_per_tile();
+        let entries = squares * down * across;
+        let index_bytes = entries * ENTRY_BYTES + CRC_BYTES;
+        let body_bytes = length
+            .checked_sub(index_bytes as u64)
+            .ok_or_else(|| damaged(format!("{length} bytes are too few for an index of {entries} blocks")))?;
+        // A block never grows by more than zstd's own bound: a longer file is not a shard of this field.
+        let [block_height, block_width] = blocks.block();
+        let longest = (entries * zstd::zstd_safe::compress_bound(3 * block_height * block_width * 2)) as u64;
+        if body_bytes > longest {
+            return Err(damaged(format!("{length} bytes are more than {entries} blocks can have")));
+        }
+        let mut tail = vec![0; index_bytes];
+        file.read_exact_at(&mut tail, body_bytes).map_err(read)?;
+        let (entries, checksum) = tail.split_at(tail.len() - CRC_BYTES);
+        if crc32c::crc32c(entries).to_le_bytes() != checksum {
+            return Err(damaged("the checksum of its index is wrong".into()));
+        }
+        let number = |bytes: &[u8]| u64::from_le_bytes(bytes.try_into().expect("entries are two times eight bytes"));
+        let index: Vec<[u64; 2]> =
+            entries.chunks_exact(ENTRY_BYTES).map(|entry| [number(&entry[..8]), number(&entry[8..])]).collect();
+        for [offset, bytes] in index.iter().filter(|entry| **entry != [NOT_STORED; 2]) {
+            if offset.checked_add(*bytes).is_none_or(|end| end > body_bytes) {
+                return Err(damaged(format!("a block of {bytes} bytes at {offset} lies outside the file")));
+            }
+        }
+        let body = if at_once {
+            let mut body = vec![0; body_bytes as usize];
+            file.read_exact_at(&mut body, 0).map_err(read)?;
+            Some(body)
+        } else {
+            None
+        };
+        Ok(Self { path: path.to_path_buf(), blocks, squares, file, body, index })
+    }
+
+    /// Reads one block of one square into `values`, `[channel][row][column]` of the padded block; `false` (and `values`
+    /// untouched) if the block has no light.
+    ///
+    /// # Errors
+    /// If the block cannot be read or its checksum is wrong.
+    ///
+    /// # Panics
+    /// If there is no such square or block.
+    pub fn block(&self, square: usize, block: [usize; 2], buffer: &mut BlockBuffer) -> Result<bool, FieldError> {
+        let [down, across] = self.blocks.blocks_per_tile();
+        assert!(square < self.squares && block[0] < down && block[1] < across, "no such block");
+        let [offset, length] = self.index[(square * down + block[0]) * across + block[1]];
+        if [offset, length] == [NOT_STORED; 2] {
+            return Ok(false);
+        }
+        let frame = match &self.body {
+            Some(body) => &body[offset as usize..][..length as usize],
+            None => {
+                buffer.frame.resize(length as usize, 0);
+                self.file
+                    .read_exact_at(&mut buffer.frame, offset)
+                    .map_err(|source| FieldError::Read { path: self.path.clone(), source })?;
+                &buffer.frame
+            }
+        };
+        let damaged = |reason: String| FieldError::Damaged { path: self.path.clone(), reason };
+        let where_ = || format!("square ({}, {}), block {block:?}", square % self.side(), square / self.side());
+        let bytes = bytes_of(&mut buffer.values);
+        let written = buffer
+            .decompressor
+            .decompress_to_buffer(frame, bytes)
+            .map_err(|error| damaged(format!("{}: {error}", where_())))?;
+        if written != bytes.len() {
+            return Err(damaged(format!("{}: {written} bytes instead of {}", where_(), bytes.len())));
+        }
+        if cfg!(target_endian = "big") {
+            buffer.values.iter_mut().for_each(|value| *value = f16::from_bits(u16::from_le(value.to_bits())));
+        }
+        Ok(true)
+    }
+
+    fn side(&self) -> usize {
+        self.squares.isqrt()
+    }
+}
+
+/// The room that reading a block needs; one a thread.
+pub struct BlockBuffer {
+    values: Vec<f16>,
+    frame: Vec<u8>,
+    decompressor: zstd::bulk::Decompressor<'static>,
+}
+
+impl BlockBuffer {
+    /// Room for the blocks of `blocks`.
+    ///
+    /// # Errors
+    /// If zstd has no memory.
+    pub fn new(blocks: &Blocks) -> io::Result<Self> {
+        let [height, width] = blocks.block();
+        Ok(Self {
+            values: vec![f16::ZERO; 3 * height * width],
+            frame: Vec::new(),
+            decompressor: zstd::bulk::Decompressor::new()?,
+        })
+    }
+
+    /// The block last read, `[channel][row][column]`.
+    pub fn values(&self) -> &[f16] {
+        &self.values
+    }
+}
+
+/// The memory of halves as bytes, to decompress into.
+#[allow(unsafe_code)]
+fn bytes_of(values: &mut [f16]) -> &mut [u8] {
+    // SAFETY: f16 is a transparent u16: every byte pattern is a value, and it has no padding.
+    unsafe { std::slice::from_raw_parts_mut(values.as_mut_ptr().cast(), std::mem::size_of_val(values)) }
+}

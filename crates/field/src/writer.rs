@@ -1,0 +1,285 @@
+//! Writing a field: position by position, into a temporary place, renamed when whole.
+//!
+//! `NAME.partial/` holds the growing field in `field/`, the journal of finished positions, and the digest of what the field
+//! is made from, so that a later run goes on with the same input only.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use half::f16;
+use relumine_basis::Cells;
+use relumine_radiometry::files::write_atomically;
+use serde_json::json;
+
+use crate::journal::Journal;
+use crate::{Blocks, FieldError, Header, PositionRecord, manifest, shard, zarr};
+
+/// Writes one field. Positions may be written from several threads at once, each position by one.
+pub struct FieldWriter {
+    path: PathBuf,
+    partial: PathBuf,
+    field: PathBuf,
+    header: Header,
+    cells: Cells,
+    blocks: Blocks,
+    journal: Mutex<(Journal, BTreeMap<usize, PositionRecord>)>,
+    /// Held as long as the writer lives: two writers of one field would spoil it.
+    _lock: File,
+}
+
+impl FieldWriter {
+    /// Starts the field that will be at `path`, or goes on with an unfinished one made from the same `input`, any text
+    /// that names what the field is made from and how.
+    ///
+    /// # Errors
+    /// If there is something at `path` and not `replace`, if an unfinished field was made from something else or another
+    /// process is writing it, or if nothing can be written.
+    pub fn open(path: &Path, header: Header, input: &str, replace: bool) -> Result<Self, FieldError> {
+        let geometry = |source| FieldError::Geometry { path: path.to_path_buf(), source };
+        if path.exists() && !replace {
+            return Err(FieldError::Exists { path: path.to_path_buf() });
+        }
+        let partial = beside(path, ".partial");
+        let write = |source| FieldError::Write { path: partial.clone(), source };
+        let field = partial.join("field");
+        fs::create_dir_all(&field).map_err(write)?;
+        let lock = File::create(partial.join("lock")).map_err(write)?;
+        match lock.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(write(io::Error::other("another process is writing this field")));
+            }
+            Err(TryLockError::Error(error)) => return Err(write(error)),
+        }
+        let header_text = serde_json::to_string(&header).map_err(|error| write(error.into()))?;
+        let input = blake3::hash(format!("{header_text}\n{input}").as_bytes()).to_hex();
+        let input_file = partial.join("input.b3");
+        match fs::read_to_string(&input_file) {
+            Ok(found) if found == input.as_str() => {}
+            Ok(_) => return Err(FieldError::OtherUnfinished { path: partial }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                write_atomically(&input_file, |file| file.write_all(input.as_bytes()))?;
+            }
+            Err(source) => return Err(FieldError::Read { path: input_file, source }),
+        }
+        let (journal, records) = Journal::open(&partial.join("journal"))?;
+        let cells = header.cells().map_err(geometry)?;
+        let done = records.into_iter().map(|record| (record.position, record)).collect();
+        Ok(Self {
+            path: path.to_path_buf(),
+            field,
+            blocks: header.blocks(),
+            header,
+            cells,
+            journal: Mutex::new((journal, done)),
+            partial,
+            _lock: lock,
+        })
+    }
+
+    /// How the pictures are cut.
+    pub fn blocks(&self) -> Blocks {
+        self.blocks
+    }
+
+    /// The records of positions that are done.
+    pub fn done(&self) -> Vec<PositionRecord> {
+        self.journal.lock().map(|journal| journal.1.values().cloned().collect()).unwrap_or_default()
+    }
+
+    /// Positions that are not done yet.
+    pub fn remaining(&self) -> Vec<usize> {
+        let done: Vec<usize> = self.done().iter().map(|record| record.position).collect();
+        (0..self.cells.positions()).filter(|position| done.binary_search(position).is_err()).collect()
+    }
+
+    /// The scale of a position whose transfers reach `bound`: a power of two that puts them just below 2¹⁵, where halves
+    /// are finest.
+    pub fn scale_for(bound: f64) -> f32 {
+        if bound > 0.0 && bound.is_finite() {
+            let exponent = (bound.log2().ceil() - 15.0).clamp(-120.0, 100.0);
+            2f32.powi(exponent as i32)
+        } else {
+            1.0
+        }
+    }
+
+    /// Writes one tile of a position: `values` are transfers over the position's scale,
+    /// `[v · M + u][channel][row][column]` of the tile's own pixels.
+    ///
+    /// # Errors
+    /// If it cannot be written; then the position is not done and can be written again.
+    pub fn write_tile(&self, position: usize, tile: [usize; 2], values: &[f16]) -> Result<(), FieldError> {
+        let squares = self.cells.squares() * self.cells.squares();
+        let path = shard_path(&self.field, position, tile);
+        let write = |source| FieldError::Write { path: path.clone(), source };
+        let bytes = shard::encode(&self.blocks, squares, &self.blocks.tile_extent(tile), values).map_err(write)?;
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(write)?;
+        }
+        write_atomically(&path, |file| file.write_all(&bytes))?;
+        Ok(())
+    }
+
+    /// Writes how often each pixel of a position was clipped, and then that the position is done.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn finish_position(&self, record: PositionRecord, clipped: &[u8]) -> Result<(), FieldError> {
+        if clipped.iter().any(|count| *count > 0) {
+            self.write_chunk(&format!("{}/c/{}/0/0", zarr::CLIPPED, record.position), clipped)?;
+        }
+        let mut journal = self.journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        journal.0.append(&record)?;
+        journal.1.insert(record.position, record);
+        Ok(())
+    }
+
+    /// Writes the metadata and the list of digests, and renames the field to its name.
+    ///
+    /// # Errors
+    /// If a position is not done or something cannot be written.
+    pub fn finish(self) -> Result<(), FieldError> {
+        let records = self.done();
+        let write = |path: &Path, source| FieldError::Write { path: path.to_path_buf(), source };
+        if records.len() != self.cells.positions() {
+            let reason = format!("{} of {} positions are not done", self.remaining().len(), self.cells.positions());
+            return Err(write(&self.partial, io::Error::other(reason)));
+        }
+        let [width, height] = self.header.picture;
+        let (positions, m) = (self.cells.positions(), self.cells.squares());
+        let cells = [positions, m, m];
+        let names = ["position", "v", "u"];
+        let directions: Vec<f64> = self
+            .cells
+            .partition()
+            .positions()
+            .iter()
+            .flat_map(|position| [position.azimuth.to_degrees(), position.tilt.to_degrees()])
+            .collect();
+        let measures: Vec<f64> = (0..self.cells.len()).map(|cell| self.cells.measure(cell)).collect();
+        let scales: Vec<f32> = records.iter().map(|record| record.scale).collect();
+        let mut present = vec![1u8; self.cells.len()];
+        for record in &records {
+            for missing in &record.missing {
+                present[record.position * m * m + missing] = 0;
+            }
+        }
+        let square_meters = if matches!(self.header.lamps, crate::Lamps::Distant { .. }) { "sr" } else { "m² sr" };
+        self.write_array(
+            zarr::DIRECTION,
+            zarr::array("float64", &[positions, 2], &[positions, 2], &["position", "angle"], "azimuth, tilt [degrees]"),
+            "c/0/0",
+            &bytes(&directions, |value| value.to_le_bytes()),
+        )?;
+        self.write_array(
+            zarr::MEASURE,
+            zarr::array("float64", &cells, &cells, &names, &format!("measure of the cell |Omega_i| [{square_meters}]")),
+            "c/0/0/0",
+            &bytes(&measures, |value| value.to_le_bytes()),
+        )?;
+        self.write_array(
+            zarr::SCALE,
+            zarr::array("float32", &[positions], &[positions], &names[..1], "transfer per stored unit"),
+            "c/0",
+            &bytes(&scales, |value| value.to_le_bytes()),
+        )?;
+        self.write_array(
+            zarr::PRESENT,
+            zarr::array("uint8", &cells, &cells, &names, "1 where the cell was photographed, 0 where it is missing"),
+            "c/0/0/0",
+            &present,
+        )?;
+        let clipped = zarr::array(
+            "uint8",
+            &[positions, height, width],
+            &[1, height, width],
+            &["position", "y", "x"],
+            "photographs in which every exposure of the pixel is clipped",
+        );
+        self.write_json(&format!("{}/zarr.json", zarr::CLIPPED), &clipped)?;
+        self.write_json(&format!("{}/zarr.json", zarr::TRANSFER), &zarr::transfer(&self.header))?;
+        let attributes = json!({ "relumine": self.header, "positions": records });
+        self.write_json("zarr.json", &zarr::group(&attributes))?;
+        remove_leavings(&self.field).map_err(|source| write(&self.field, source))?;
+        manifest::write(&self.field)?;
+        self.rename().map_err(|source| write(&self.path, source))
+    }
+
+    fn rename(&self) -> io::Result<()> {
+        let replaced = beside(&self.path, ".replaced");
+        if self.path.exists() {
+            fs::rename(&self.path, &replaced)?;
+        }
+        fs::rename(&self.field, &self.path)?;
+        let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        File::open(folder)?.sync_all()?;
+        if replaced.is_dir() {
+            fs::remove_dir_all(&replaced)?;
+        } else if replaced.exists() {
+            fs::remove_file(&replaced)?;
+        }
+        fs::remove_dir_all(&self.partial)
+    }
+
+    fn write_array(&self, name: &str, metadata: serde_json::Value, chunk: &str, bytes: &[u8]) -> Result<(), FieldError> {
+        self.write_json(&format!("{name}/zarr.json"), &metadata)?;
+        self.write_chunk(&format!("{name}/{chunk}"), bytes)
+    }
+
+    fn write_json(&self, name: &str, value: &serde_json::Value) -> Result<(), FieldError> {
+        let path = self.field.join(name);
+        let write = |source: io::Error| FieldError::Write { path: path.clone(), source };
+        let mut text = serde_json::to_string_pretty(value).map_err(|error| write(error.into()))?;
+        text.push('\n');
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(write)?;
+        }
+        write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+        Ok(())
+    }
+
+    fn write_chunk(&self, name: &str, raw: &[u8]) -> Result<(), FieldError> {
+        let path = self.field.join(name);
+        let write = |source: io::Error| FieldError::Write { path: path.clone(), source };
+        let mut compressor = zstd::bulk::Compressor::new(zarr::ZSTD_LEVEL).map_err(write)?;
+        compressor.include_checksum(true).map_err(write)?;
+        let frame = compressor.compress(raw).map_err(write)?;
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(write)?;
+        }
+        write_atomically(&path, |file| file.write_all(&frame))?;
+        Ok(())
+    }
+}
+
+/// The file of one tile of one position: the key that Zarr gives its shard.
+pub(crate) fn shard_path(field: &Path, position: usize, [row, column]: [usize; 2]) -> PathBuf {
+    field.join(format!("{}/c/{position}/0/0/0/{row}/{column}", zarr::TRANSFER))
+}
+
+fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(suffix);
+    path.with_file_name(name)
+}
+
+fn bytes<T: Copy, const N: usize>(values: &[T], encode: impl Fn(T) -> [u8; N]) -> Vec<u8> {
+    values.iter().flat_map(|value| encode(*value)).collect()
+}
+
+/// Removes temporary files that a killed writer left behind.
+fn remove_leavings(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            remove_leavings(&entry.path())?;
+        } else if entry.file_name().to_string_lossy().contains(".partial-") {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,81 @@
+//! Flux counted in cells.
+
+use glam::DVec3;
+use relumine_basis::{Cell, Cells, Entry};
+
+use crate::Reconstruction;
+
+/// What became of flux that was shot at the object.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Tally {
+    /// All of it that meets the object's ball.
+    pub(crate) aimed: f64,
+    /// Of that, from below the horizon, where no position stands.
+    pub(crate) below_horizon: f64,
+    /// Of that, outside the pattern's cone.
+    pub(crate) outside_pattern: f64,
+}
+
+impl Tally {
+    pub(crate) fn add(&mut self, other: Self) {
+        self.aimed += other.aimed;
+        self.below_horizon += other.below_horizon;
+        self.outside_pattern += other.outside_pattern;
+    }
+}
+
+/// Flux by cell index, and how it gets there.
+pub(crate) struct Deposit<'a> {
+    cells: &'a Cells,
+    reconstruction: Reconstruction,
+    /// Rays that pass the origin at a greater distance light nothing, metres.
+    object_radius_m: f64,
+    /// Whether such rays are left out of the cells too.
+    cut_at_object: bool,
+    pub(crate) flux: Vec<DVec3>,
+    pub(crate) tally: Tally,
+}
+
+impl<'a> Deposit<'a> {
+    pub(crate) fn new(cells: &'a Cells, reconstruction: Reconstruction, object_radius_m: Option<f64>) -> Self {
+        Self {
+            cells,
+            reconstruction,
+            object_radius_m: object_radius_m.unwrap_or(cells.covered_radius_m()),
+            cut_at_object: object_radius_m.is_some(),
+            flux: vec![DVec3::ZERO; cells.len()],
+            tally: Tally::default(),
+        }
+    }
+
+    /// Counts a ray that carries `flux` through `point` in `direction`.
+    pub(crate) fn ray(&mut self, point: DVec3, direction: DVec3, flux: DVec3) {
+        let meets = point.reject_from_normalized(direction).length() <= self.object_radius_m;
+        if !meets && self.cut_at_object {
+            return;
+        }
+        let aimed = if meets { flux.element_sum() } else { 0.0 };
+        self.tally.aimed += aimed;
+        match self.cells.entry(point, direction) {
+            Entry::Square { outward, u, v } => self.square(outward, u, v, flux),
+            Entry::BelowHorizon => self.tally.below_horizon += aimed,
+            Entry::OutsidePattern | Entry::Misses => self.tally.outside_pattern += aimed,
+        }
+    }
+
+    /// Counts flux that enters at `outward` through square (u, v).
+    pub(crate) fn square(&mut self, outward: DVec3, u: usize, v: usize, flux: DVec3) {
+        let partition = self.cells.partition();
+        match self.reconstruction {
+            Reconstruction::Box => {
+                let position = partition.owner(outward);
+                self.flux[self.cells.index(Cell { position, u, v })] += flux;
+            }
+            Reconstruction::Linear => {
+                for &(position, share) in partition.between(outward).shares() {
+                    self.flux[self.cells.index(Cell { position, u, v })] += flux * share;
+                }
+            }
+        }
+    }
+}

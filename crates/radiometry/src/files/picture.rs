@@ -1,0 +1,157 @@
+//! Reading: which format the content is, what it held, and whether every sample is a number.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::{FileError, exr_read, jpeg, raster, rgbe};
+use crate::{Counts, Image, Linear, Linearity};
+
+/// What a picture file held. What the numbers mean, the caller says.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Picture {
+    /// Integers as stored: PNG, JPEG, integer TIFF.
+    Integer {
+        /// 0 … 255 or 0 … 65535, not scaled from one to the other.
+        image: Image<Counts>,
+        /// 8 or 16: the range. Grey of 1, 2 or 4 bits was stretched to 8.
+        bits: u8,
+    },
+    /// Finite linear samples: OpenEXR, Radiance HDR, float TIFF.
+    Float(Image<Linear>),
+}
+
+impl Picture {
+    /// `(width, height)`.
+    pub fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Integer { image, .. } => image.size(),
+            Self::Float(image) => image.size(),
+        }
+    }
+
+    /// For messages: "8-bit picture of 144 × 96".
+    pub fn describe(&self) -> String {
+        let (width, height) = self.size();
+        match self {
+            Self::Integer { bits, .. } => format!("{bits}-bit picture of {width} × {height}"),
+            Self::Float(_) => format!("floating-point picture of {width} × {height}"),
+        }
+    }
+}
+
+/// Reads a picture file of any known format.
+///
+/// # Errors
+/// See [`FileError`]; a missing or unreadable file is [`FileError::Read`], bad content one of the others.
+pub fn read_picture(path: &Path) -> Result<Picture, FileError> {
+    let failed = |source| FileError::Read { path: path.to_path_buf(), source };
+    let mut file = File::open(path).map_err(failed)?;
+
+    // The first bytes decide: a film or a disk image is refused without being loaded.
+    let mut bytes = Vec::new();
+    file.by_ref().take(Format::LONGEST_MAGIC as u64).read_to_end(&mut bytes).map_err(failed)?;
+    if Format::of(&bytes).is_some() {
+        file.read_to_end(&mut bytes).map_err(failed)?;
+    }
+    decode_picture(path, &bytes)
+}
+
+/// Decodes the content of a picture file; `path_for_messages` is not opened.
+///
+/// # Errors
+/// See [`FileError`]; never [`FileError::Read`] or [`FileError::Write`].
+pub fn decode_picture(path_for_messages: &Path, bytes: &[u8]) -> Result<Picture, FileError> {
+    let path = path_for_messages;
+    let Some(format) = Format::of(bytes) else {
+        return Err(FileError::Unrecognised { path: path.to_path_buf(), start: beginning(bytes) });
+    };
+    let decoded = match format {
+        Format::OpenExr => exr_read::decode(bytes).map(Picture::Float),
+        Format::RadianceHdr => rgbe::decode(bytes).map(Picture::Float),
+        Format::Png => raster::decode_png(bytes),
+        Format::Tiff => raster::decode_tiff(bytes),
+        Format::Jpeg => jpeg::decode(bytes),
+    };
+    let picture = decoded.map_err(|fault| fault.at(path, format))?;
+    if let Picture::Float(image) = &picture {
+        check_finite(path, image)?;
+    }
+    Ok(picture)
+}
+
+/// Reads a picture of linear floating-point samples: OpenEXR, Radiance HDR or float TIFF.
+///
+/// # Errors
+/// [`FileError::NotLinear`] for an integer picture; otherwise as [`read_picture`].
+pub fn read_linear(path: &Path) -> Result<Image<Linear>, FileError> {
+    match read_picture(path)? {
+        Picture::Float(image) => Ok(image),
+        integer @ Picture::Integer { .. } => {
+            Err(FileError::NotLinear { path: path.to_path_buf(), found: integer.describe() })
+        }
+    }
+}
+
+/// The door to and from float files: no NaN, no infinity.
+pub(super) fn check_finite<Q: Linearity>(path: &Path, image: &Image<Q>) -> Result<(), FileError> {
+    let samples = image.pixels().as_flattened();
+    let Some(first) = samples.iter().position(|sample| !sample.is_finite()) else { return Ok(()) };
+    let count = samples[first..].iter().filter(|sample| !sample.is_finite()).count();
+    let (x, y, channel) = place(first, image.width());
+    Err(FileError::NotFinite { path: path.to_path_buf(), x, y, channel, count })
+}
+
+/// Column, row and channel of the sample with this index.
+pub(super) fn place(sample: usize, width: usize) -> (usize, usize, char) {
+    (sample / 3 % width, sample / 3 / width, ['R', 'G', 'B'][sample % 3])
+}
+
+/// How a content that is no picture begins.
+fn beginning(bytes: &[u8]) -> String {
+    if bytes.is_empty() {
+        return "an empty file".to_owned();
+    }
+    let codes: Vec<_> = bytes.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+    format!("a file that begins with the bytes {}", codes.join(" "))
+}
+
+/// The formats that are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    OpenExr,
+    RadianceHdr,
+    Png,
+    Tiff,
+    Jpeg,
+}
+
+impl Format {
+    const LONGEST_MAGIC: usize = 16;
+
+    /// Tells the format by its first bytes.
+    pub(super) fn of(bytes: &[u8]) -> Option<Self> {
+        const MAGICS: [(&[u8], Format); 9] = [
+            (b"\x76\x2f\x31\x01", Format::OpenExr),
+            (b"#?RADIANCE", Format::RadianceHdr),
+            (b"#?RGBE", Format::RadianceHdr),
+            (b"\x89PNG\r\n\x1a\n", Format::Png),
+            (b"II\x2a\0", Format::Tiff),
+            (b"MM\0\x2a", Format::Tiff),
+            (b"II\x2b\0", Format::Tiff), // BigTIFF
+            (b"MM\0\x2b", Format::Tiff),
+            (b"\xff\xd8\xff", Format::Jpeg),
+        ];
+        MAGICS.into_iter().find_map(|(magic, format)| bytes.starts_with(magic).then_some(format))
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::OpenExr => "OpenEXR",
+            Self::RadianceHdr => "Radiance HDR",
+            Self::Png => "PNG",
+            Self::Tiff => "TIFF",
+            Self::Jpeg => "JPEG",
+        }
+    }
+}

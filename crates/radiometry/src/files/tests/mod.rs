@@ -1,0 +1,41 @@
+//! Claims about files: what is written comes back, what others write is understood, what is broken is refused.
+
+mod hostile;
+mod integer_formats;
+mod limits;
+mod openexr;
+mod radiance;
+mod real;
+mod round_trips;
+mod samples;
+
+use std::path::Path;
+pub(crate) fn samples_all() -> Vec<(String, Vec<u8>)> { samples::all() }
+
+use super::{FileError, Picture, decode_picture};
+use crate::{Counts, Image, Linear};
+
+fn decode(bytes: &[u8]) -> Result<Picture, FileError> {
+    decode_picture(Path::new("in/test"), bytes)
+}
+
+fn decode_float(bytes: &[u8]) -> Image<Linear> {
+    match decode(bytes) {
+        Ok(Picture::Float(image)) => image,
+        other => panic!("a float picture was expected, not {other:?}"),
+    }
+}
+
+fn decode_counts(bytes: &[u8], expected_bits: u8) -> Image<Counts> {
+    match decode(bytes) {
+        Ok(Picture::Integer { image, bits }) if bits == expected_bits => image,
+        other => panic!("a {expected_bits}-bit picture was expected, not {other:?}"),
+    }
+}
+
+/// No two samples equal, of both signs and many magnitudes.
+fn spread(width: usize, height: usize) -> Image<Linear> {
+    let sample = |index: usize| (index as f32 - 20.0) * 1.618_f32.powi((index % 17) as i32 - 8);
+    let pixels = (0..width * height).map(|pixel| [0, 1, 2].map(|channel| sample(3 * pixel + channel)));
+    Image::from_pixels(width, height, pixels.collect())
+}

@@ -1,0 +1,22 @@
+//! How much light: pictures whose type says what they measure, and the way from camera counts to radiance and on to a
+//! display (paper, §4.2).
+//!
+//! Everything is scene-linear with Rec. 709 primaries unless its type says otherwise. This room does not know positions,
+//! squares or lamps, recovers no response curve and reads no camera RAW yet.
+
+mod description;
+mod difference;
+mod display;
+mod exposure;
+pub mod files;
+mod image;
+mod merge;
+mod response;
+
+pub use description::{DescriptionError, nearest, parse_toml, read_text};
+pub use difference::{Difference, difference};
+pub use display::{Display, Tone, srgb_decode, srgb_encode};
+pub use exposure::{ExposureSettings, Gain};
+pub use image::{Counts, Encoded, Image, Linear, Linearity, Quantity, Radiance, Transfer};
+pub use merge::{Merged, NoiseModel, Visibility, merge_counts, merge_linear};
+pub use response::{Linearization, Response, ResponseCurve, ResponseError};

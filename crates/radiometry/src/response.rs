@@ -1,0 +1,233 @@
+//! From camera counts to relative exposure: the response f of §4.2 (Debevec & Malik 1997), given, not recovered here.
+//!
+//! A camera gives the fraction f(X) of its code range at the relative exposure X, where 1 is clipping. f is linear, the
+//! sRGB curve, or a curve read from a response file. Recovering f from exposures is not done here yet.
+
+use std::path::Path;
+
+use crate::display::srgb_decode;
+
+/// The response of a camera: which fraction of its code range it gives at a relative exposure.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Response {
+    /// f(X) = X.
+    Linear,
+    /// f is the sRGB encoding (IEC 61966-2-1).
+    Srgb,
+    /// A measured curve.
+    Curve(ResponseCurve),
+}
+
+/// A measured response: rows of relative exposure and code fraction per channel, linear between rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResponseCurve {
+    exposures: Vec<f64>,
+    fractions: [Vec<f64>; 3],
+}
+
+/// What is wrong with a response file.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{path}:{line}: {reason}")]
+pub struct ResponseError {
+    path: String,
+    line: usize,
+    reason: String,
+}
+
+impl ResponseCurve {
+    /// The header of a response file.
+    pub const HEADER: &'static str = "relative_exposure,red,green,blue";
+
+    /// Reads the text of a response file; `path` is for messages.
+    ///
+    /// # Errors
+    /// If the header is another, a row is not four finite numbers, exposures do not grow, or a channel falls.
+    pub fn parse(path: &Path, text: &str) -> Result<Self, ResponseError> {
+        let fail = |line: usize, reason: String| ResponseError { path: path.display().to_string(), line, reason };
+        let mut lines = text.lines().enumerate();
+        let header = lines.next().map(|(_, line)| line.trim().trim_start_matches('\u{feff}')).unwrap_or_default();
+        if header != Self::HEADER {
+            return Err(fail(1, format!("expected the header \"{}\", found \"{header}\"", Self::HEADER)));
+        }
+        let mut curve = Self { exposures: Vec::new(), fractions: Default::default() };
+        for (index, line) in lines {
+            if line.trim().is_empty() {
+                continue;
+            }
+            let numbers: Vec<f64> = line
+                .split(',')
+                .map(|field| field.trim().parse::<f64>().ok().filter(|number| number.is_finite()))
+                .collect::<Option<_>>()
+                .ok_or_else(|| fail(index + 1, format!("expected four numbers, found \"{line}\"")))?;
+            let [exposure, fractions @ ..] = numbers.as_slice() else { continue };
+            if fractions.len() != 3 {
+                return Err(fail(index + 1, format!("expected four numbers, found {}", numbers.len())));
+            }
+            if curve.exposures.last().is_some_and(|last| last >= exposure) {
+                return Err(fail(index + 1, "relative_exposure must grow from row to row".into()));
+            }
+            for (channel, fraction) in curve.fractions.iter_mut().zip(fractions) {
+                if channel.last().is_some_and(|last| last > fraction) {
+                    return Err(fail(index + 1, "a response must not fall as the exposure grows".into()));
+                }
+                channel.push(*fraction);
+            }
+            curve.exposures.push(*exposure);
+        }
+        if curve.exposures.len() < 2 {
+            return Err(fail(1, "a response needs at least two rows".into()));
+        }
+        if curve.fractions.iter().any(|channel| channel.first() == channel.last()) {
+            return Err(fail(2, "a response that does not rise tells nothing about exposure".into()));
+        }
+        Ok(curve)
+    }
+
+    /// f(X) for one channel.
+    pub fn fraction(&self, channel: usize, exposure: f64) -> f64 {
+        interpolate(&self.exposures, &self.fractions[channel], exposure)
+    }
+
+    /// f⁻¹ for one channel; where f is flat, the middle of the flat part. Beyond the ends the end slopes go on, so that
+    /// noise below black stays noise and does not pile up at zero.
+    fn exposure(&self, channel: usize, fraction: f64) -> f64 {
+        let fractions = &self.fractions[channel];
+        let first = fractions.partition_point(|f| *f < fraction);
+        let after = fractions.partition_point(|f| *f <= fraction);
+        if first < after {
+            return 0.5 * (self.exposures[first] + self.exposures[after - 1]);
+        }
+        interpolate_rising(fractions, &self.exposures, fraction)
+    }
+}
+
+fn interpolate(x: &[f64], y: &[f64], at: f64) -> f64 {
+    if at <= x[0] {
+        return y[0];
+    }
+    if at >= x[x.len() - 1] {
+        return y[y.len() - 1];
+    }
+    interpolate_rising(x, y, at)
+}
+
+/// Linear between rows and beyond them along the nearest slope; flat parts of `x` are stepped over.
+fn interpolate_rising(x: &[f64], y: &[f64], at: f64) -> f64 {
+    let mut right = x.partition_point(|value| *value < at).clamp(1, x.len() - 1);
+    let mut left = right - 1;
+    while x[left] == x[right] && right + 1 < x.len() {
+        right += 1;
+    }
+    while x[left] == x[right] && left > 0 {
+        left -= 1;
+    }
+    y[left] + (y[right] - y[left]) * (at - x[left]) / (x[right] - x[left])
+}
+
+/// Relative exposure for every code of a camera, tabulated once: 256 or 65,536 entries a channel.
+#[derive(Clone, Debug)]
+pub struct Linearization {
+    black_level: u16,
+    white_level: u16,
+    exposures: [Vec<f32>; 3],
+    steps: [Vec<f32>; 3],
+}
+
+impl Linearization {
+    /// Tabulates f⁻¹ for codes between `black_level` (counts without light) and `white_level` (counts at which a pixel is
+    /// clipped).
+    ///
+    /// # Panics
+    /// If `black_level` is not below `white_level`.
+    pub fn new(response: &Response, black_level: u16, white_level: u16) -> Self {
+        assert!(black_level < white_level, "black level {black_level} must be below white level {white_level}");
+        let range = f64::from(white_level) - f64::from(black_level);
+        let exposure_of = |channel: usize, code: f64| {
+            let fraction = (code - f64::from(black_level)) / range;
+            match response {
+                Response::Linear => fraction,
+                Response::Srgb => srgb_decode(fraction),
+                Response::Curve(curve) => curve.exposure(channel, fraction),
+            }
+        };
+        let table = |value: &dyn Fn(usize, f64) -> f64| {
+            std::array::from_fn(|channel| {
+                (0..=white_level).map(|code| value(channel, f64::from(code)) as f32).collect::<Vec<f32>>()
+            })
+        };
+        Self {
+            black_level,
+            white_level,
+            exposures: table(&exposure_of),
+            steps: table(&|channel, code| exposure_of(channel, code + 0.5) - exposure_of(channel, code - 0.5)),
+        }
+    }
+
+    /// Counts without light.
+    pub fn black_level(&self) -> u16 {
+        self.black_level
+    }
+
+    /// Counts at which a pixel is clipped.
+    pub fn white_level(&self) -> u16 {
+        self.white_level
+    }
+
+    /// X = f⁻¹(code) of one channel; codes above the white level count as the white level.
+    pub fn exposure(&self, channel: usize, code: u16) -> f32 {
+        self.exposures[channel][usize::from(code.min(self.white_level))]
+    }
+
+    /// The width in X of one code: the quantisation step.
+    pub fn step(&self, channel: usize, code: u16) -> f32 {
+        self.steps[channel][usize::from(code.min(self.white_level))]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn s_curve() -> ResponseCurve {
+        let mut text = ResponseCurve::HEADER.to_string();
+        for row in 0..=64 {
+            let x = f64::from(row) / 64.0;
+            let y = x.powf(0.6) * (1.2 - 0.2 * x);
+            text += &format!("\n{x},{y},{},{}", y * y, x);
+        }
+        ResponseCurve::parse(Path::new("r.csv"), &text).unwrap()
+    }
+
+    #[test]
+    fn the_inverse_response_sends_every_exposure_home() {
+        let curve = s_curve();
+        for channel in 0..3 {
+            for i in 0..=100 {
+                let x = f64::from(i) / 100.0;
+                let back = curve.exposure(channel, curve.fraction(channel, x));
+                assert!((back - x).abs() < 1e-9, "channel {channel}: {x} came back as {back}");
+            }
+        }
+    }
+
+    #[test]
+    fn linear_counts_below_black_stay_negative() {
+        let table = Linearization::new(&Response::Linear, 100, 1100);
+        assert_eq!(table.exposure(0, 100), 0.0);
+        assert!((table.exposure(1, 50) + 0.05).abs() < 1e-6);
+        assert_eq!(table.exposure(2, 1100), 1.0);
+        assert_eq!(table.exposure(2, 65535), 1.0);
+    }
+
+    #[test]
+    fn a_response_file_that_cannot_be_says_in_which_line() {
+        let parse = |text: &str| ResponseCurve::parse(Path::new("r.csv"), text).unwrap_err().to_string();
+        assert!(parse("x,y\n").contains("r.csv:1: expected the header"));
+        let header = ResponseCurve::HEADER;
+        assert!(parse(&format!("{header}\n0,0,0,0\n1,1,1\n")).contains("r.csv:3: expected four numbers"));
+        assert!(parse(&format!("{header}\n0,0,0,0\n1,1,nan,1\n")).contains("r.csv:3"));
+        assert!(parse(&format!("{header}\n0,0,0,0\n0,1,1,1\n")).contains("must grow"));
+        assert!(parse(&format!("{header}\n0,0,1,0\n1,1,0,1\n")).contains("must not fall"));
+        assert!(parse(&format!("{header}\n0,0,0,0\n1,1,0,1\n")).contains("does not rise"));
+    }
+}

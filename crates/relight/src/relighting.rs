@@ -1,0 +1,198 @@
+//! The fast version: blocks of pixels, all cores, several lights in one pass.
+
+use std::ops::Range;
+
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+use relumine_basis::Coefficients;
+use relumine_field::{BlockBuffer, FieldError, ReflectanceField};
+use relumine_radiometry::{Image, Radiance};
+
+use crate::TransferSource;
+
+/// Why a field cannot be relit.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RelightError {
+    /// The field cannot be read.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    /// A light for other cells.
+    #[error("the light has {found} coefficients, but the field has {expected} cells")]
+    OtherCells {
+        /// Cells of the field.
+        expected: usize,
+        /// Coefficients of the light.
+        found: usize,
+    },
+}
+
+/// Relights a field under several lights at once, tile of pixels by tile: an iterator, so that the caller shows progress
+/// and stops by dropping it. [`Relighting::pictures`] are whole when it has ended.
+pub struct Relighting<'a, S: TransferSource> {
+    source: &'a S,
+    lights: &'a [Coefficients],
+    /// Positions that some light shines from, in groups whose sums are added in order: the groups depend on the light
+    /// alone, so the result does not depend on the number of threads.
+    groups: Vec<Vec<usize>>,
+    tiles: Vec<[usize; 2]>,
+    next: usize,
+    pictures: Vec<Image<Radiance>>,
+}
+
+impl<'a, S: TransferSource> Relighting<'a, S> {
+    /// Prepares to relight; reads nothing yet.
+    ///
+    /// # Errors
+    /// If a light is for other cells.
+    pub fn new(source: &'a S, lights: &'a [Coefficients]) -> Result<Self, RelightError> {
+        let field = source.field();
+        let expected = field.cells().len();
+        for light in lights {
+            let found = light.values().len();
+            if found != expected || light.squares() != field.cells().squares() {
+                return Err(RelightError::OtherCells { expected, found });
+            }
+        }
+        let lit: Vec<usize> = (0..field.cells().positions())
+            .filter(|position| lights.iter().any(|light| !light.is_position_dark(*position)))
+            .collect();
+        // Groups enough for many cores, long enough that few partial sums are added up.
+        let longest = lit.len().div_ceil(32).max(1);
+        let (width, height) = field.picture_size();
+        Ok(Self {
+            source,
+            lights,
+            groups: lit.chunks(longest).map(<[usize]>::to_vec).collect(),
+            tiles: field.blocks().all_tiles().collect(),
+            next: 0,
+            pictures: lights.iter().map(|_| Image::black(width, height)).collect(),
+        })
+    }
+
+    /// Number of steps in all.
+    pub fn steps(&self) -> usize {
+        self.tiles.len()
+    }
+
+    /// The relit pictures, one a light, in their order; black where not reached yet.
+    pub fn pictures(self) -> Vec<Image<Radiance>> {
+        self.pictures
+    }
+
+    /// Runs to the end.
+    ///
+    /// # Errors
+    /// If the field cannot be read.
+    pub fn run(mut self) -> Result<Vec<Image<Radiance>>, RelightError> {
+        while let Some(step) = self.next() {
+            step?;
+        }
+        Ok(self.pictures)
+    }
+
+    fn relight_tile(&mut self, tile: [usize; 2]) -> Result<(), RelightError> {
+        let partial_sums: Vec<Vec<f32>> =
+            self.groups.par_iter().map(|group| self.sum_of_group(group, tile)).collect::<Result<_, RelightError>>()?;
+        let field = self.source.field();
+        let blocks = field.blocks();
+        let (width, _) = field.picture_size();
+        let extent = blocks.tile_extent(tile);
+        let [block_height, block_width] = blocks.block();
+        let [down, across] = blocks.blocks_per_tile();
+        let pixels_a_block = block_height * block_width;
+        for (light, picture) in self.pictures.iter_mut().enumerate() {
+            for (index, block) in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])).enumerate() {
+                let inner = blocks.block_in_tile(&extent, block);
+                let start = (light * down * across + index) * 3 * pixels_a_block;
+                for (row, y) in inner.rows.clone().enumerate() {
+                    for (column, x) in inner.columns.clone().enumerate() {
+                        let sample = |channel: usize| {
+                            let at = start + channel * pixels_a_block + row * block_width + column;
+                            partial_sums.iter().map(|sum| f64::from(sum[at])).sum::<f64>() as f32
+                        };
+                        let pixel = (extent.rows.start + y) * width + extent.columns.start + x;
+                        picture.pixels_mut()[pixel] = [sample(0), sample(1), sample(2)];
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Σ lᵢ Rᵢ over the cells of some positions, `[light][block][channel][row][column]`.
+    fn sum_of_group(&self, group: &[usize], tile: [usize; 2]) -> Result<Vec<f32>, RelightError> {
+        let field = self.source.field();
+        let blocks = field.blocks();
+        let [down, across] = blocks.blocks_per_tile();
+        let m2 = field.cells().squares() * field.cells().squares();
+        let mut buffer = BlockBuffer::new(&blocks)
+            .map_err(|source| FieldError::Read { path: field.path().to_path_buf(), source })?;
+        let values_a_block = buffer.values().len();
+        let block_sum = |light: usize, index: usize| -> Range<usize> {
+            let start = (light * down * across + index) * values_a_block;
+            start..start + values_a_block
+        };
+        let mut sums = vec![0.0f32; self.lights.len() * down * across * values_a_block];
+        let mut transfer = vec![0.0f32; values_a_block];
+        for &position in group {
+            let cells = position * m2..(position + 1) * m2;
+            let lit: Vec<usize> = (0..m2)
+                .filter(|square| self.lights.iter().any(|light| light.values()[cells.start + square] != [0.0; 3]))
+                .collect();
+            let source = self.source.tile(position, tile, lit.len())?;
+            let scale = field.scale(position);
+            for square in lit {
+                for (index, block) in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])).enumerate() {
+                    let Some(halves) = S::block(&source, square, block, &mut buffer)? else { continue };
+                    halves.convert_to_f32_slice(&mut transfer);
+                    for (light, coefficients) in self.lights.iter().enumerate() {
+                        let coefficient = coefficients.values()[cells.start + square];
+                        if coefficient == [0.0; 3] {
+                            continue;
+                        }
+                        let sum = &mut sums[block_sum(light, index)];
+                        let planes = sum.chunks_exact_mut(values_a_block / 3);
+                        for ((plane, transfer), l) in
+                            planes.zip(transfer.chunks_exact(values_a_block / 3)).zip(coefficient)
+                        {
+                            add_scaled(plane, transfer, l * scale);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(sums)
+    }
+}
+
+impl<S: TransferSource> Iterator for Relighting<'_, S> {
+    /// One tile is relit, or the field could not be read.
+    type Item = Result<(), RelightError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let tile = *self.tiles.get(self.next)?;
+        self.next += 1;
+        Some(self.relight_tile(tile))
+    }
+}
+
+/// sum += weight · term: the loop that all the time goes into; the compiler vectorises it.
+fn add_scaled(sum: &mut [f32], term: &[f32], weight: f32) {
+    for (sum, term) in sum.iter_mut().zip(term) {
+        *sum += weight * term;
+    }
+}
+
+/// The share of a light's flux that falls on cells the field lacks: what a relit picture does not show.
+pub fn missing_share(field: &ReflectanceField, light: &Coefficients) -> f64 {
+    let (mut missing, mut all) = (0.0, 0.0);
+    for (cell, value) in light.values().iter().enumerate() {
+        let flux = value.iter().map(|component| f64::from(*component)).sum::<f64>() * field.cells().measure(cell);
+        all += flux;
+        if field.is_missing(cell) {
+            missing += flux;
+        }
+    }
+    if all > 0.0 { missing / all } else { 0.0 }
+}
