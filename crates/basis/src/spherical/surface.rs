@@ -103,7 +103,7 @@ fn peel(mesh: &Mesh, offsets: &[f64], sites: &[DVec3], centre: DVec3) -> Vec<boo
         // Seen from across, the two edges that would become the border run the other way.
         let faces_centre = |e: &usize| {
             let (from, to) = (sites[mesh.corners[next(*e)]], sites[mesh.corners[*e]]);
-            centre.dot(to.cross(from)) > 1e-6 * to.distance(from)
+            centre.dot(from.cross(to)) > 1e-6 * to.distance(from)
         };
         if kept[t] && inner.iter().all(faces_centre) {
             kept[t] = false;

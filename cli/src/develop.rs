@@ -1,0 +1,115 @@
+//! `relumine develop`: photographs → reflectance field.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use relumine::{DevelopOptions, Development, PositionOutcome, Separation};
+
+use crate::failure::Failure;
+use crate::output::refuse_existing;
+use crate::progress::Talk;
+
+/// Develop a capture into a reflectance field
+///
+/// Reads the photographs of each position, merges their exposures, subtracts the black frame, separates the squares of the
+/// combs, and writes one transfer image a cell. Interrupted at any moment, the same command goes on where it was. A
+/// photograph that is missing or damaged makes its squares missing, never black: they are listed, the rest is developed, and
+/// the exit code is 3.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// The capture directory: capture.toml, photographs.csv and photographs
+    capture: PathBuf,
+    /// The field to write
+    #[arg(short, long, value_name = "FIELD")]
+    output: PathBuf,
+    /// How squares are told apart
+    #[arg(long, value_enum, default_value_t = SeparationArgument::Fitted)]
+    separation: SeparationArgument,
+    /// The projector's black level, the share of white that black still shines; measured at each position if not given
+    #[arg(long, value_name = "B")]
+    black_level: Option<f64>,
+    /// About how much memory photographs may take, MiB; one position is always developed
+    #[arg(long, default_value_t = 1024, value_name = "MIB")]
+    memory: usize,
+    /// Replace FIELD if it is there
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum SeparationArgument {
+    /// Minimum of row comb and column comb, the paper's (§5): too bright where several squares light a point.
+    Minimum,
+    /// The minimum fitted to every comb photograph and to the white frame: right in sum everywhere.
+    Fitted,
+}
+
+pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
+    refuse_existing(&arguments.output, arguments.force)?;
+    let options = DevelopOptions {
+        separation: match arguments.separation {
+            SeparationArgument::Minimum => Separation::Minimum,
+            SeparationArgument::Fitted => Separation::Fitted,
+        },
+        black_level: arguments.black_level,
+        memory_bytes: arguments.memory.saturating_mul(1 << 20),
+        replace: arguments.force,
+    };
+    let mut development = Development::start(&arguments.capture, &arguments.output, &options)?;
+    development.remarks().iter().for_each(|remark| talk.say(remark.to_string()));
+    let mut outcomes = development.already_done().to_vec();
+    if !outcomes.is_empty() {
+        talk.say(format!("going on: {} of {} positions are done", outcomes.len(), development.positions()));
+    }
+    let bar = talk.bar("positions", development.positions(), outcomes.len());
+    for outcome in &mut development {
+        outcomes.push(outcome?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    outcomes.sort_by_key(|outcome| outcome.position);
+    let positions = development.positions();
+    development.finish()?;
+    summarise(&outcomes, positions, talk);
+    let missing: usize = outcomes.iter().map(|outcome| outcome.missing_squares).sum();
+    let losses: Vec<String> = outcomes.iter().flat_map(|outcome| outcome.report.losses.clone()).collect();
+    if losses.is_empty() {
+        return Ok(());
+    }
+    talk.say("photographs that could not be used:");
+    talk.say_some(&losses, 20);
+    Err(Failure::incomplete(format!(
+        "{}: {} photographs could not be used; {missing} squares are missing from {}",
+        arguments.capture.display(),
+        losses.len(),
+        arguments.output.display()
+    ))
+    .with_hint("the field can be relit; `relumine inspect` lists every loss"))
+}
+
+/// Residuals and noise over all positions; the field keeps them for each.
+fn summarise(outcomes: &[PositionOutcome], positions: usize, talk: &Talk) {
+    talk.say(format!("{positions} positions developed"));
+    let mut line = |name: &str, unit: f64, digits: usize, value: &dyn Fn(&PositionOutcome) -> Option<f64>| {
+        let mut values: Vec<f64> = outcomes.iter().filter_map(value).collect();
+        values.sort_by(f64::total_cmp);
+        if let (Some(first), Some(last)) = (values.first(), values.last()) {
+            let median = values[values.len() / 2];
+            talk.say(format!(
+                "  {name:<44} median {:.digits$}, {:.digits$} to {:.digits$}",
+                median * unit,
+                first * unit,
+                last * unit
+            ));
+        }
+    };
+    line("residual against the comb photographs, %", 100.0, 3, &|outcome| outcome.report.residual_combs);
+    line("  the same for the minimum alone, %", 100.0, 3, &|outcome| outcome.report.residual_combs_of_minimum);
+    line("residual against the white frame, %", 100.0, 4, &|outcome| outcome.report.residual_white);
+    line("black level of the projector, %", 100.0, 3, &|outcome| outcome.report.black_level);
+    line("noise of one photograph, radiance", 1.0, 6, &|outcome| outcome.report.noise);
+    let clipped: usize = outcomes.iter().map(|outcome| outcome.report.clipped_pixels).sum();
+    if clipped > 0 {
+        talk.say(format!("  {clipped} pixels (over all positions) are clipped in every exposure of some photograph"));
+    }
+}

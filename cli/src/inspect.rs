@@ -1,0 +1,47 @@
+//! `relumine inspect`: what it is, what is in it, whether it is whole.
+
+mod capture;
+mod field;
+mod picture;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::failure::Failure;
+use crate::light::is_capture;
+
+/// Say what something is, what is in it, and whether it is whole
+///
+/// PATH is a capture, a field (finished or not), a light description, a list of lamps or a picture. Checksums are verified;
+/// the exit code is 3 if anything is damaged or missing.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// What to look at
+    path: PathBuf,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let path = &arguments.path;
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    if !path.exists() {
+        return Err(Failure::failed(format!("{} is not there", path.display())));
+    }
+    if path.is_dir() {
+        return if is_capture(path) {
+            capture::inspect(path)
+        } else if path.join("zarr.json").exists() {
+            field::inspect(path)
+        } else if path.join("journal").exists() {
+            field::inspect_unfinished(path)
+        } else {
+            let path = path.display();
+            Err(Failure::incomplete(format!("{path}: neither a capture (capture.toml) nor a field (zarr.json)")))
+        };
+    }
+    match extension.as_deref() {
+        Some("toml") => picture::inspect_light(path),
+        Some("lp" | "csv") => picture::inspect_lamps(path),
+        _ => picture::inspect(path),
+    }
+}

@@ -1,0 +1,77 @@
+//! Looking at a field.
+
+use std::io::Write;
+use std::path::Path;
+
+use relumine::basis::{Layout, Reach};
+use relumine::{DevelopedReport, ReflectanceField};
+
+use crate::failure::{Failure, printed};
+
+pub(super) fn inspect(path: &Path) -> Result<(), Failure> {
+    let field = ReflectanceField::open(path)?;
+    let cells = field.cells();
+    let (width, height) = field.picture_size();
+    let mut out = std::io::stdout().lock();
+    let mut line = |name: &str, value: String| printed(writeln!(out, "{name:<14} {value}"));
+    line("field", field.header().title.clone().unwrap_or_else(|| "(no title)".into()))?;
+    line("positions", positions(cells.partition().layout()))?;
+    match cells.reach() {
+        Reach::Near { radius_m, pattern } => {
+            let (m, h) = (pattern.squares(), pattern.half_width());
+            line("squares", format!("{m} × {m}, half width {h}, hemisphere of {radius_m} m"))?;
+        }
+        Reach::Far => line("lamps", "distant, one cell a lamp".into())?,
+    }
+    line("cells", cells.len().to_string())?;
+    line("pictures", format!("{width} × {height}"))?;
+    line("made", field.header().made.to_string())?;
+    let reports: Vec<DevelopedReport> =
+        field.records().iter().filter_map(DevelopedReport::of).collect();
+    for (name, value) in [
+        ("combs, %", (|report| report.residual_combs) as fn(&DevelopedReport) -> Option<f64>),
+        ("white, %", |report| report.residual_white),
+    ] {
+        let values: Vec<f64> = reports.iter().filter_map(value).collect();
+        if !values.is_empty() {
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let worst = values.iter().copied().fold(0.0, f64::max);
+            line("residual", format!("{name:<9} mean {:.3}, worst {:.3}", 100.0 * mean, 100.0 * worst))?;
+        }
+    }
+    let noise: Vec<f64> = reports.iter().filter_map(|report| report.noise).collect();
+    if !noise.is_empty() {
+        let mean = noise.iter().sum::<f64>() / noise.len() as f64;
+        line("noise", format!("{mean:.3e} radiance, mean over positions, one photograph"))?;
+    }
+    let missing: usize = field.records().iter().map(|record| record.missing.len()).sum();
+    line("missing", format!("{missing} of {} cells", cells.len()))?;
+    for loss in reports.iter().flat_map(|report| &report.losses) {
+        line("loss", loss.clone())?;
+    }
+    let damage = field.verify()?;
+    for damage in &damage {
+        line("damage", damage.to_string())?;
+    }
+    if damage.is_empty() && missing == 0 {
+        return line("whole", "yes: every file has its checksum".into());
+    }
+    Err(Failure::incomplete(if damage.is_empty() {
+        format!("{}: every file is whole, but {missing} cells were not photographed", path.display())
+    } else {
+        format!("{}: {} files are damaged", path.display(), damage.len())
+    }))
+}
+
+pub(super) fn inspect_unfinished(path: &Path) -> Result<(), Failure> {
+    Err(Failure::incomplete(format!("{} is an unfinished field", path.display()))
+        .with_hint("run the command that was making it again: it goes on where it was"))
+}
+
+/// The positions in words.
+pub(super) fn positions(layout: &Layout) -> String {
+    match layout {
+        Layout::Grid { azimuths, tilts } => format!("{} ({azimuths} azimuths × {tilts} tilts)", azimuths * tilts),
+        Layout::List(positions) => format!("{} (a list)", positions.len()),
+    }
+}

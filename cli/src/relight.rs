@@ -1,0 +1,72 @@
+//! `relumine relight`: field × light → picture.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use relumine::{ReflectanceField, Relighting, missing_share};
+
+use crate::failure::Failure;
+use crate::output::{DisplayArguments, PictureFormat, refuse_existing, write_picture};
+use crate::progress::Talk;
+use crate::projection::ProjectionArguments;
+
+/// Show a field under a light
+///
+/// LIGHT is a light.toml, a mosaic .exr, or a lat-long .hdr or .exr. Give --light and -o several times, in the same order,
+/// to relight under several lights in one pass over the field.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// The field
+    field: PathBuf,
+    /// The light; may be given several times
+    #[arg(long = "light", value_name = "LIGHT", required = true)]
+    lights: Vec<PathBuf>,
+    /// The picture to write, one for each light: .exr and .hdr hold radiance, .png and .tif what a display shows
+    #[arg(short, long = "output", value_name = "OUT", required = true)]
+    outputs: Vec<PathBuf>,
+    #[command(flatten)]
+    projection: ProjectionArguments,
+    #[command(flatten)]
+    display: DisplayArguments,
+    /// Replace outputs that are there
+    #[arg(long)]
+    force: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
+    let (lights, outputs) = (&arguments.lights, &arguments.outputs);
+    if lights.len() != outputs.len() {
+        return Err(Failure::usage(format!("{} lights, but {} outputs: give one -o for each", lights.len(), outputs.len())));
+    }
+    for (index, output) in outputs.iter().enumerate() {
+        PictureFormat::of(output)?;
+        refuse_existing(output, arguments.force)?;
+        if outputs[..index].contains(output) {
+            return Err(Failure::usage(format!("{} is given twice", output.display())));
+        }
+    }
+    let field = ReflectanceField::open(&arguments.field)?;
+    let mut coefficients = Vec::with_capacity(lights.len());
+    for light in lights {
+        let projected = arguments.projection.project(light, field.cells(), talk)?;
+        let missing = missing_share(&field, &projected.coefficients);
+        if missing > 0.0 {
+            talk.say(format!(
+                "  {:.2} % of it falls on squares that are missing from the field and is not shown",
+                100.0 * missing
+            ));
+        }
+        coefficients.push(projected.coefficients);
+    }
+    let mut relighting = Relighting::new(&field, &coefficients)?;
+    let bar = talk.bar("tiles", relighting.steps(), 0);
+    for step in &mut relighting {
+        step?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    for (output, picture) in outputs.iter().zip(relighting.pictures()) {
+        write_picture(output, &picture, &arguments.display)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,284 @@
+//! A whole capture developed into a field: the capture's positions through the separation into the store.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+use half::f16;
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+use relumine_capture::separation::{Method, Residual};
+use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Tile};
+use relumine_field::{Extent, FieldError, FieldWriter, Header, PositionRecord};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use crate::Error;
+
+/// How to develop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DevelopOptions {
+    /// How squares are told apart.
+    pub separation: Method,
+    /// The projector's black level b; `None` measures it at each position from the black and the white frame.
+    pub black_level: Option<f64>,
+    /// About how much memory photographs may take, bytes; at least one position is always developed.
+    pub memory_bytes: usize,
+    /// Replace a field that is there already.
+    pub replace: bool,
+}
+
+impl Default for DevelopOptions {
+    fn default() -> Self {
+        Self { separation: Method::default(), black_level: None, memory_bytes: 1 << 30, replace: false }
+    }
+}
+
+/// How one position came out, as the field keeps it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DevelopedReport {
+    /// b, the share of white that shines through black.
+    pub black_level: Option<f64>,
+    /// Relative L2 of the squares' sums against the comb photographs.
+    pub residual_combs: Option<f64>,
+    /// The same for the minimum alone.
+    pub residual_combs_of_minimum: Option<f64>,
+    /// Relative L2 of the sum of all squares against the white frame.
+    pub residual_white: Option<f64>,
+    /// Noise of one photograph, radiance, root mean square.
+    pub noise: Option<f64>,
+    /// Pixels that were clipped in every exposure of some photograph: their transfers are lower bounds.
+    pub clipped_pixels: usize,
+    /// Photographs that could not be used, and why.
+    pub losses: Vec<String>,
+}
+
+/// One position is done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PositionOutcome {
+    /// Which.
+    pub position: usize,
+    /// Squares that are missing from it.
+    pub missing_squares: usize,
+    /// How it came out.
+    pub report: DevelopedReport,
+}
+
+impl PositionOutcome {
+    /// What the record of a position says; `None` if its report is of another version.
+    pub(crate) fn of(record: &PositionRecord) -> Option<Self> {
+        let report = DevelopedReport::of(record)?;
+        Some(Self { position: record.position, missing_squares: record.missing.len(), report })
+    }
+}
+
+impl DevelopedReport {
+    /// The report in a field's record of a position; `None` if it is of another version.
+    pub fn of(record: &PositionRecord) -> Option<Self> {
+        serde_json::from_value(record.report.clone()).ok()
+    }
+}
+
+/// A capture being developed: an iterator over its positions. Drop it to stop; start it again to go on.
+pub struct Development {
+    capture: PathBuf,
+    developer: Developer,
+    writer: FieldWriter,
+    together: usize,
+    waiting: VecDeque<usize>,
+    ready: VecDeque<PositionOutcome>,
+    already_done: Vec<PositionOutcome>,
+    failed: bool,
+}
+
+impl Development {
+    /// Reads the capture and starts the field at `field`, or goes on with an unfinished one made from the same capture
+    /// with the same options.
+    ///
+    /// # Errors
+    /// If the capture cannot be read or the field cannot be written.
+    pub fn start(capture: &Path, field: &Path, options: &DevelopOptions) -> Result<Self, Error> {
+        let path = capture.to_path_buf();
+        let input = input_digest(capture, options)?;
+        let developer = Developer::new(Capture::open(capture)?, options.separation, options.black_level)?;
+        let setup = developer.capture().setup();
+        let (width, height) = setup.picture_size();
+        let made = json!({
+            "program": concat!("relumine ", env!("CARGO_PKG_VERSION")),
+            "from": "capture",
+            "separation": options.separation.name(),
+            "scheme": setup.scheme().name(),
+            "photographs": developer.capture().photographs().len(),
+            "input_sha256": input,
+            "intensity_w_sr": setup.intensity_w_sr(),
+            "response": setup.response_name(),
+            "noise": "root mean square of one photograph, radiance, in each position's report",
+            "removed": "negative values; nothing else is cut off",
+        });
+        let header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
+        let writer = FieldWriter::open(field, header, &input, options.replace)?;
+        let already_done = writer.done().iter().filter_map(PositionOutcome::of).collect();
+        let [tile_height, tile_width] = writer.blocks().tile();
+        let position_bytes = developer.bytes_per_position(tile_height * tile_width);
+        Ok(Self {
+            capture: path,
+            together: (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads()),
+            waiting: writer.remaining().into(),
+            ready: VecDeque::new(),
+            already_done,
+            failed: false,
+            developer,
+            writer,
+        })
+    }
+
+    /// Number of positions in all.
+    pub fn positions(&self) -> usize {
+        self.developer.capture().setup().cells().positions()
+    }
+
+    /// Positions that an earlier run had done.
+    pub fn already_done(&self) -> &[PositionOutcome] {
+        &self.already_done
+    }
+
+    /// What the capture's table has that a person should know.
+    pub fn remarks(&self) -> Vec<Remark> {
+        self.developer.capture().remarks()
+    }
+
+    /// Brings the field to its name.
+    ///
+    /// # Errors
+    /// If positions are left, nothing at all could be developed, or the field cannot be written.
+    pub fn finish(self) -> Result<(), Error> {
+        let records = self.writer.done();
+        let m2 = self.developer.capture().setup().cells().squares().pow(2);
+        if records.len() == self.positions() && records.iter().all(|record| record.missing.len() == m2) {
+            let losses = records.iter().filter_map(PositionOutcome::of).flat_map(|outcome| outcome.report.losses);
+            let first = losses.into_iter().next().unwrap_or_default();
+            return Err(Error::NothingUsable { path: self.capture, first });
+        }
+        Ok(self.writer.finish()?)
+    }
+
+    fn develop(&self, position: usize) -> Result<PositionOutcome, Error> {
+        let (developed, losses) = self.developer.develop(position)?;
+        let record = match &developed {
+            Some(developed) => self.write_developed(developed)?,
+            None => self.write_missing(position, &losses)?,
+        };
+        let clipped = developed.as_ref().map_or(&[][..], DevelopedPosition::clipped);
+        let outcome = PositionOutcome::of(&record).ok_or_else(|| FieldError::Damaged {
+            path: self.capture.clone(),
+            reason: format!("the report of position {position} does not read back"),
+        })?;
+        self.writer.finish_position(record, clipped)?;
+        Ok(outcome)
+    }
+
+    fn write_developed(&self, developed: &DevelopedPosition) -> Result<PositionRecord, Error> {
+        let position = developed.position();
+        let scale = FieldWriter::scale_for(developed.transfer_bound());
+        let (mut residual, mut residual_of_minimum) = (Residual::default(), Residual::default());
+        for tile in self.writer.blocks().all_tiles() {
+            let Extent { columns, rows } = self.writer.blocks().tile_extent(tile);
+            let separated = developed.separate(columns, rows);
+            residual.add(separated.residual);
+            residual_of_minimum.add(separated.residual_of_minimum);
+            self.writer.write_tile(position, tile, &halves(&separated, scale))?;
+        }
+        let present = developed.present();
+        let report = DevelopedReport {
+            black_level: Some(developed.black_level()),
+            residual_combs: residual.combs(),
+            residual_combs_of_minimum: residual_of_minimum.combs(),
+            residual_white: residual.white(),
+            noise: developed.noise(),
+            clipped_pixels: developed.clipped().iter().filter(|count| **count > 0).count(),
+            losses: developed.losses().iter().map(Loss::to_string).collect(),
+        };
+        Ok(PositionRecord {
+            position,
+            scale,
+            missing: (0..present.len()).filter(|square| !present[*square]).collect(),
+            report: json!(report),
+        })
+    }
+
+    fn write_missing(&self, position: usize, losses: &[Loss]) -> Result<PositionRecord, Error> {
+        let m2 = self.developer.capture().setup().cells().squares().pow(2);
+        for tile in self.writer.blocks().all_tiles() {
+            let values = vec![f16::ZERO; m2 * 3 * self.writer.blocks().tile_extent(tile).pixels()];
+            self.writer.write_tile(position, tile, &values)?;
+        }
+        let report = DevelopedReport {
+            black_level: None,
+            residual_combs: None,
+            residual_combs_of_minimum: None,
+            residual_white: None,
+            noise: None,
+            clipped_pixels: 0,
+            losses: losses.iter().map(Loss::to_string).collect(),
+        };
+        Ok(PositionRecord { position, scale: 1.0, missing: (0..m2).collect(), report: json!(report) })
+    }
+}
+
+impl Iterator for Development {
+    type Item = Result<PositionOutcome, Error>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ready.is_empty() && !self.failed {
+            // Positions go side by side as far as memory allows, and inside each of them photographs and rows do.
+            let batch: Vec<usize> = self.waiting.drain(..self.together.min(self.waiting.len())).collect();
+            let done: Vec<_> = batch.into_par_iter().map(|position| self.develop(position)).collect();
+            for outcome in done {
+                match outcome {
+                    Ok(outcome) => self.ready.push_back(outcome),
+                    Err(error) => {
+                        self.failed = true;
+                        return Some(Err(error));
+                    }
+                }
+            }
+        }
+        self.ready.pop_front().map(Ok)
+    }
+}
+
+/// A tile as halves over `scale`, from `[square][row][column][channel]` to `[square][channel][row][column]`.
+fn halves(tile: &Tile, scale: f32) -> Vec<f16> {
+    let pixels = tile.columns.len() * tile.rows.len();
+    let mut halves = vec![f16::ZERO; tile.transfer.len()];
+    halves.par_chunks_exact_mut(3 * pixels).zip(tile.transfer.par_chunks_exact(3 * pixels)).for_each(
+        |(halves, transfer)| {
+            let planar: Vec<f32> = (0..3)
+                .flat_map(|channel| transfer.iter().skip(channel).step_by(3))
+                .map(|value| (value / scale).min(f16::MAX.to_f32()))
+                .collect();
+            halves.convert_from_f32_slice(&planar);
+        },
+    );
+    halves
+}
+
+/// Names the input of a development: description, table, response file and the options that change the result.
+fn input_digest(capture: &Path, options: &DevelopOptions) -> Result<String, Error> {
+    let mut hasher = Sha256::new();
+    let setup = relumine_capture::Setup::read(&capture.join("capture.toml"))?;
+    for name in ["capture.toml", "photographs.csv", setup.response_name()] {
+        let path = capture.join(name);
+        match std::fs::read(&path) {
+            Ok(bytes) => {
+                hasher.update((bytes.len() as u64).to_le_bytes());
+                hasher.update(&bytes);
+            }
+            // "linear" and "srgb" are no files.
+            Err(_) if name == setup.response_name() => hasher.update(name),
+            Err(source) => return Err(relumine_capture::CaptureError::Read { path, source }.into()),
+        }
+    }
+    hasher.update(format!("{:?} {:?}", options.separation, options.black_level));
+    Ok(hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+}
