@@ -90,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
 /// Residuals and noise over all positions; the field keeps them for each.
 fn summarise(outcomes: &[PositionOutcome], positions: usize, talk: &Talk) {
     talk.say(format!("{positions} positions developed"));
-    let mut line = |name: &str, unit: f64, digits: usize, value: &dyn Fn(&PositionOutcome) -> Option<f64>| {
+    let line = |name: &str, unit: f64, digits: usize, value: &dyn Fn(&PositionOutcome) -> Option<f64>| {
         let mut values: Vec<f64> = outcomes.iter().filter_map(value).collect();
         values.sort_by(f64::total_cmp);
         if let (Some(first), Some(last)) = (values.first(), values.last()) {

@@ -29,7 +29,7 @@ pub(crate) struct ProjectionArguments {
     /// The command says how uncertain the coefficients are; four times the samples halve that, or better.
     #[arg(long, default_value_t = ProjectionOptions::default().samples, value_name = "N")]
     samples: usize,
-    /// Leave out rays of lamps that pass the centre at a greater distance than this, metres
+    /// Leave out light that passes the centre at a greater distance than this, metres
     ///
     /// By default every cell is filled whole.
     #[arg(long, value_name = "METRES")]

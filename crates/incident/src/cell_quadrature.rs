@@ -36,7 +36,7 @@ pub(crate) fn integrate(
                         // dμ = cosθa dω dA = cos⁴a ds dt dA.
                         let cos4 = (1.0 + s * s + t * t).powi(-2);
                         let arriving = radiance(radius_m * outward, direction);
-                        if arriving != DVec3::ZERO {
+                        if arriving != DVec3::ZERO && deposit.reaches_object(radius_m * outward, direction) {
                             deposit.square(outward, u, v, arriving * (cos4 * area));
                         }
                     }

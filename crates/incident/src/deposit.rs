@@ -48,9 +48,18 @@ impl<'a> Deposit<'a> {
         }
     }
 
+    /// Whether the line through `point` in `direction` counts at all.
+    pub(crate) fn reaches_object(&self, point: DVec3, direction: DVec3) -> bool {
+        !self.cut_at_object || self.meets_object(point, direction)
+    }
+
+    fn meets_object(&self, point: DVec3, direction: DVec3) -> bool {
+        point.reject_from_normalized(direction).length() <= self.object_radius_m
+    }
+
     /// Counts a ray that carries `flux` through `point` in `direction`.
     pub(crate) fn ray(&mut self, point: DVec3, direction: DVec3, flux: DVec3) {
-        let meets = point.reject_from_normalized(direction).length() <= self.object_radius_m;
+        let meets = self.meets_object(point, direction);
         if !meets && self.cut_at_object {
             return;
         }

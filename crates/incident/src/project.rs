@@ -4,7 +4,7 @@ use glam::DVec3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use relumine_basis::{Cell, Cells, Coefficients, Entry};
+use relumine_basis::{Cell, Cells, Coefficients, Entry, Reach};
 use relumine_lamp::{Lamp, Light, Mosaic};
 
 use crate::deposit::{Deposit, Tally};
@@ -12,6 +12,9 @@ use crate::{IncidentError, Reconstruction, cell_quadrature, source_rays};
 
 /// Independent repetitions: their spread is the error estimate.
 const BATCHES: usize = 16;
+/// What of an environment is brighter than this many times its mean is drawn from the source: suns and windows are small,
+/// and samples of the cells would miss them.
+const CEILING: f64 = 2.0;
 
 /// How to project.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,8 +25,8 @@ pub struct Options {
     pub light_map: bool,
     /// Rays for each lamp and samples for the environment, in all.
     pub samples: usize,
-    /// Leave out rays of lamps that pass the origin at a greater distance, metres: they light nothing. `None` fills cells
-    /// whole, which makes each coefficient the mean over its cell.
+    /// Leave out light that passes the origin at a greater distance, metres: it lights nothing. `None` fills cells whole,
+    /// which makes each coefficient the mean over its cell.
     pub object_radius_m: Option<f64>,
     /// Start of the random numbers.
     pub seed: u64,
@@ -63,6 +66,8 @@ pub struct Lost {
 /// If the light's mosaic does not have the shape of the cells.
 pub fn project(light: &Light, cells: &Cells, options: &Options) -> Result<Projected, IncidentError> {
     let lamps: Vec<Lamp> = light.lamps.iter().map(|lamp| light.placement.object_from_world_lamp(lamp)).collect();
+    let environment =
+        light.environment.as_ref().map(|environment| environment.clone().turned(-light.placement.rotation, 1.0));
     let mosaic = light.mosaic.as_ref().map(|mosaic| mosaic_coefficients(mosaic, cells)).transpose()?;
     // A mosaic that is neither moved nor collapsed is the coefficients themselves.
     let (exact, moved) = match mosaic {
@@ -74,13 +79,22 @@ pub fn project(light: &Light, cells: &Cells, options: &Options) -> Result<Projec
         let samples = options.samples.div_ceil(BATCHES);
         let stream = |source: usize| Pcg64::seed_from_u64(options.seed ^ ((source * BATCHES + index) as u64) << 32);
         for (source, lamp) in lamps.iter().enumerate() {
-            source_rays::shoot(lamp, cells, options.light_map, samples, &mut stream(source + 2), &mut deposit);
+            let mut stream = stream(source + 3);
+            if options.light_map || cells.reach() == Reach::Far {
+                let arrival = |xi: [f64; 2]| lamp.arrival(DVec3::ZERO, xi);
+                source_rays::shoot_arriving(&arrival, cells, samples, &mut stream, &mut deposit);
+            } else {
+                source_rays::shoot(lamp, cells, samples, &mut stream, &mut deposit);
+            }
         }
-        if let Some(environment) = &light.environment {
-            let radiance = |_: DVec3, direction: DVec3| {
-                environment.radiance(light.placement.world_from_object_direction(-direction))
-            };
+        if let Some(environment) = &environment {
+            let (smooth, highlights) = environment.split(CEILING * environment.mean_luminance());
+            let radiance = |_: DVec3, direction: DVec3| smooth(-direction);
             cell_quadrature::integrate(&radiance, cells, samples, &mut stream(0), &mut deposit);
+            if let Some(highlights) = highlights {
+                let arrival = |xi: [f64; 2]| highlights.arrival(xi);
+                source_rays::shoot_arriving(&arrival, cells, samples, &mut stream(2), &mut deposit);
+            }
         }
         if let Some(mosaic) = &moved {
             let radiance = |point: DVec3, direction: DVec3| {

@@ -3,35 +3,43 @@
 use glam::DVec3;
 use rand::{Rng, RngExt, seq::SliceRandom};
 use relumine_basis::Cells;
-use relumine_lamp::{Lamp, Ray};
+use relumine_lamp::{Arrival, Lamp, Ray};
 
 use crate::deposit::Deposit;
 
 /// Shoots about `rays` stratified rays of `lamp` into `deposit`.
-pub(crate) fn shoot(lamp: &Lamp, cells: &Cells, light_map: bool, rays: usize, rng: &mut impl Rng, deposit: &mut Deposit) {
-    let far = cells.reached_radius_m().is_infinite();
+pub(crate) fn shoot(lamp: &Lamp, cells: &Cells, rays: usize, rng: &mut impl Rng, deposit: &mut Deposit) {
     let strata = Strata::new(rays, rng);
     let share = 1.0 / strata.len() as f64;
+    let radius = cells.reached_radius_m();
     for xi in strata.draw(rng) {
-        if far {
-            // A far field sees every light as it arrives at the origin.
-            if let Some(arrival) = lamp.arrival(DVec3::ZERO, [xi[0], xi[1]]) {
-                deposit.ray(DVec3::ZERO, arrival.direction, arrival.irradiance * share);
-            }
-            continue;
-        }
-        let radius = cells.reached_radius_m();
-        let ray = if light_map { sun_at_origin(lamp, radius, xi) } else { lamp.shoot(radius, xi) };
-        if let Some(ray) = ray {
-            deposit.ray(ray.origin, ray.direction, ray.flux * share);
+        if let Some(Ray { origin, direction, flux }) = lamp.shoot(radius, xi) {
+            deposit.ray(origin, direction, flux * share);
         }
     }
 }
 
-/// The lamp's light at the origin spread over the whole scene: one ray of the sun that would look the same from there.
-fn sun_at_origin(lamp: &Lamp, radius: f64, xi: [f64; 4]) -> Option<Ray> {
-    let arrival = lamp.arrival(DVec3::ZERO, [xi[2], xi[3]])?;
-    Lamp::Sun { direction: arrival.direction, irradiance: arrival.irradiance }.shoot(radius, xi)
+/// Spreads light that arrives at the origin over the whole scene: about `rays` rays of the suns that would look the same
+/// from there. `arrival` gives a direction and its irradiance for two uniform numbers.
+pub(crate) fn shoot_arriving(
+    arrival: &dyn Fn([f64; 2]) -> Option<Arrival>,
+    cells: &Cells,
+    rays: usize,
+    rng: &mut impl Rng,
+    deposit: &mut Deposit,
+) {
+    let strata = Strata::new(rays, rng);
+    let share = 1.0 / strata.len() as f64;
+    let radius = cells.reached_radius_m();
+    for xi in strata.draw(rng) {
+        let Some(Arrival { direction, irradiance }) = arrival([xi[2], xi[3]]) else { continue };
+        if radius.is_infinite() {
+            // A far field has no places, only directions.
+            deposit.ray(DVec3::ZERO, direction, irradiance * share);
+        } else if let Some(ray) = (Lamp::Sun { direction, irradiance }).shoot(radius, xi) {
+            deposit.ray(ray.origin, ray.direction, ray.flux * share);
+        }
+    }
 }
 
 /// n × n strata for the first two numbers of a ray, and n × n others, in another order, for the last two.

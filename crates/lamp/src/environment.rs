@@ -5,6 +5,8 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use relumine_radiometry::{Image, Radiance};
 
+use crate::Arrival;
+
 /// A light map around the scene, or a constant sky.
 #[derive(Clone, Debug)]
 pub struct Environment {
@@ -52,6 +54,29 @@ impl Environment {
         radiance * self.scale
     }
 
+    /// Splits the light in two: what a smooth sky of at most `ceiling` (luminance) would shine, and the highlights above it.
+    /// The two add up to the whole. Highlights are few and small, so they are drawn; the rest is integrated.
+    pub fn split(&self, ceiling: f64) -> (impl Fn(DVec3) -> DVec3 + '_, Option<Highlights<'_>>) {
+        (move |towards_sky| under(self.radiance(towards_sky), ceiling), Highlights::new(self, ceiling))
+    }
+
+    /// Mean luminance of the upper hemisphere.
+    pub fn mean_luminance(&self) -> f64 {
+        match &self.sky {
+            Sky::Constant(radiance) => luminance(*radiance) * self.scale,
+            Sky::LatLong(map) => {
+                let (sum, weight) = (0..map.height()).fold((0.0, 0.0), |(sum, weight), row| {
+                    let (top, bottom) = row_cosines(row, map.height());
+                    let band = (top - bottom.max(0.0)).max(0.0) / map.width() as f64;
+                    let row = &map.pixels()[row * map.width()..][..map.width()];
+                    let bright: f64 = row.iter().map(|pixel| luminance(DVec3::from_array(pixel.map(f64::from)))).sum();
+                    (sum + band * bright, weight + band * map.width() as f64)
+                });
+                sum / weight * self.scale
+            }
+        }
+    }
+
     fn look_up(&self, map: &Image<Radiance>, towards_sky: DVec3) -> DVec3 {
         let (width, height) = map.size();
         let azimuth = towards_sky.y.atan2(towards_sky.x) - self.rotation;
@@ -66,6 +91,78 @@ impl Environment {
         let at = |i: usize, j: usize| DVec3::from_array(map.pixel(columns[i], rows[j]).map(f64::from));
         (at(0, 0) * (1.0 - right) + at(1, 0) * right) * (1.0 - below) + (at(0, 1) * (1.0 - right) + at(1, 1) * right) * below
     }
+}
+
+/// The parts of an environment map that outshine a ceiling, to be drawn as suns.
+pub struct Highlights<'a> {
+    environment: &'a Environment,
+    size: (usize, usize),
+    ceiling: f64,
+    /// Running sum of the pixels' shares, over the rows above the horizon.
+    cumulative: Vec<f64>,
+}
+
+impl<'a> Highlights<'a> {
+    fn new(environment: &'a Environment, ceiling: f64) -> Option<Self> {
+        let Sky::LatLong(map) = &environment.sky else { return None };
+        let (width, height) = map.size();
+        let excess = |x: usize, y: usize| {
+            let radiance = DVec3::from_array(map.pixel(x, y).map(f64::from)) * environment.scale;
+            (luminance(radiance) - ceiling).max(0.0)
+        };
+        let mut cumulative = Vec::with_capacity(width * height.div_ceil(2));
+        let mut sum = 0.0;
+        for y in 0..height.div_ceil(2) {
+            let (top, bottom) = row_cosines(y, height);
+            for x in 0..width {
+                // Bilinear light reaches half a pixel over: neighbours share, so that no lit place is never drawn.
+                let around: f64 = [y.saturating_sub(1), y, (y + 1).min(height - 1)]
+                    .iter()
+                    .flat_map(|y| [x + width - 1, x, x + 1].map(|x| excess(x % width, *y)))
+                    .sum();
+                sum += (around / 9.0) * (top - bottom);
+                cumulative.push(sum);
+            }
+        }
+        (sum > 0.0).then_some(Self { environment, size: (width, height), ceiling, cumulative })
+    }
+
+    /// One direction of the highlights and its share of their irradiance, for two uniform numbers in [0, 1).
+    pub fn arrival(&self, [a, b]: [f64; 2]) -> Option<Arrival> {
+        let (width, height) = self.size;
+        let all = *self.cumulative.last()?;
+        let at = a * all;
+        let index = self.cumulative.partition_point(|sum| *sum <= at).min(self.cumulative.len() - 1);
+        let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        let share = self.cumulative[index] - before;
+        // What is left of the first number places the direction inside the pixel.
+        let across = ((at - before) / share).clamp(0.0, 1.0);
+        let (x, y) = (index % width, index / width);
+        let (top, bottom) = row_cosines(y, height);
+        let cosine = top + b * (bottom - top);
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let azimuth = (0.5 - (x as f64 + across) / width as f64) * TAU + self.environment.rotation;
+        let towards_sky = DVec3::new(sine * azimuth.cos(), sine * azimuth.sin(), cosine);
+        let radiance = self.environment.radiance(towards_sky);
+        let solid_angle = (top - bottom) * TAU / width as f64;
+        let irradiance = (radiance - under(radiance, self.ceiling)) * (solid_angle * all / share);
+        (irradiance != DVec3::ZERO).then_some(Arrival { direction: -towards_sky, irradiance })
+    }
+}
+
+fn luminance(radiance: DVec3) -> f64 {
+    radiance.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// The same colour, its luminance at most `ceiling`.
+fn under(radiance: DVec3, ceiling: f64) -> DVec3 {
+    let luminance = luminance(radiance);
+    if luminance > ceiling { radiance * (ceiling / luminance) } else { radiance }
+}
+
+/// Cosines of the tilt at the upper and lower edge of a row of a lat-long map.
+fn row_cosines(row: usize, height: usize) -> (f64, f64) {
+    ((PI * row as f64 / height as f64).cos(), (PI * (row + 1) as f64 / height as f64).cos())
 }
 
 #[cfg(test)]
@@ -96,6 +193,34 @@ mod tests {
         // What shone from azimuth 45° now shines from 135°.
         let towards = DVec3::new(-1.0, 1.0, 0.3).normalize();
         assert!((sky.radiance(towards).x - 2.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_smooth_part_and_the_highlights_are_the_whole_light() {
+        let mut map = Image::<Radiance>::from_pixels(32, 16, vec![[0.5; 3]; 512]);
+        map.pixels_mut()[3 * 32 + 7] = [90.0, 60.0, 30.0];
+        map.pixels_mut()[31] = [0.0, 20.0, 0.0];
+        let sky = Environment::lat_long(map).turned(0.3, 2.0);
+        let (smooth, highlights) = sky.split(1.5);
+        let highlights = highlights.unwrap();
+        // Horizontal irradiance of both parts against that of the whole.
+        let n = 600;
+        let (mut whole, mut parts) = (DVec3::ZERO, DVec3::ZERO);
+        for i in 0..n {
+            for j in 0..n {
+                let (a, b) = ((i as f64 + 0.5) / n as f64, (j as f64 + 0.5) / n as f64);
+                let (z, azimuth) = (b, a * TAU);
+                let r = (1.0 - z * z).sqrt();
+                let towards_sky = DVec3::new(r * azimuth.cos(), r * azimuth.sin(), z);
+                whole += sky.radiance(towards_sky) * z * TAU;
+                parts += smooth(towards_sky) * z * TAU;
+                if let Some(arrival) = highlights.arrival([a, b]) {
+                    parts += arrival.irradiance * -arrival.direction.z;
+                }
+            }
+        }
+        assert!((parts / whole - DVec3::ONE).abs().max_element() < 2e-3, "{}", parts / whole);
+        assert!(Environment::constant(DVec3::ONE).split(2.0).1.is_none());
     }
 
     #[test]

@@ -15,7 +15,7 @@ mod sampling;
 mod slide;
 
 pub use description::{Light, LightError, Mosaic};
-pub use environment::Environment;
+pub use environment::{Environment, Highlights};
 pub use lamp::{Arrival, Lamp, Ray};
 pub use area::{Disk, Rectangle, Sphere};
 pub use placement::Placement;

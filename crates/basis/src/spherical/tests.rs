@@ -288,6 +288,16 @@ fn low_and_dented_rings_work() {
 }
 
 #[test]
+fn flat_triangles_at_the_border_are_outside() {
+    // A band along a meridian, 0.5° wide. The sliver of its two ends and a site on its side is left out; another one
+    // is flat too, but without it the last site would have no triangle.
+    let band = [(-0.5_f64, 0.0086_f64), (1.3, 0.0), (0.0, 0.0), (-0.35, 0.0), (-1.05, 0.0099)];
+    let sites: Vec<DVec3> = band.map(|(tilt, y)| DVec3::new(tilt.sin(), y, tilt.cos()).normalize()).to_vec();
+    let triangulation = check_weights(&sites).unwrap();
+    assert_eq!(triangulation.triangles(), [[0, 4, 3], [0, 3, 2], [0, 2, 1]]);
+}
+
+#[test]
 fn unusable_sites_are_refused() {
     use SphericalError::{BelowHorizon, Coincident, NoDirection, NoSites};
     let refuse = |sites: &[DVec3]| {

@@ -15,6 +15,10 @@ use super::raster::{fault, limits, picture_of};
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, Fault> {
     let (width, height) = walk(bytes)?;
     check_size(width.into(), height.into())?;
+    // A square of 8 × 8 pixels takes a bit at least, or the file is a promise without pixels.
+    if u64::from(width) * u64::from(height) / (64 * 8) > bytes.len() as u64 {
+        return Err(Fault::damaged(format!("too short for {width} × {height} pixels")));
+    }
     picture_of(JpegDecoder::new(Cursor::new(bytes)).map_err(fault)?, limits(width.into(), height.into()))
 }
 

@@ -33,9 +33,9 @@ fn decode_counts(bytes: &[u8], expected_bits: u8) -> Image<Counts> {
     }
 }
 
-/// No two samples equal, of both signs and many magnitudes.
+/// Samples of both signs and many magnitudes, all of which fit a half.
 fn spread(width: usize, height: usize) -> Image<Linear> {
-    let sample = |index: usize| (index as f32 - 20.0) * 1.618_f32.powi((index % 17) as i32 - 8);
+    let sample = |index: usize| ((index % 997) as f32 - 20.5) * 1.618_f32.powi((index % 17) as i32 - 8);
     let pixels = (0..width * height).map(|pixel| [0, 1, 2].map(|channel| sample(3 * pixel + channel)));
     Image::from_pixels(width, height, pixels.collect())
 }

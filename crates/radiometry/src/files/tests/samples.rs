@@ -60,6 +60,13 @@ pub(super) fn exr_file(size: (usize, usize), encoding: Encoding, channels: Vec<(
     bytes.into_inner()
 }
 
+/// Where the offset table begins.
+pub(super) fn offset_table(file: &[u8]) -> usize {
+    let mut cursor = Cursor::new(file);
+    exr::meta::MetaData::read_from_buffered(&mut cursor, true).unwrap();
+    cursor.position() as usize
+}
+
 /// RGB halves with alpha in front of them.
 pub(super) fn rgba_exr(size: (usize, usize), compression: Compression, blocks: Blocks) -> Vec<u8> {
     let ramp = |factor: f32| move |x: usize, y: usize| factor * (x * x + 7 * y) as f32;
