@@ -57,8 +57,12 @@ impl<'a> Deposit<'a> {
         point.reject_from_normalized(direction).length() <= self.object_radius_m
     }
 
-    /// Counts a ray that carries `flux` through `point` in `direction`.
+    /// Counts a ray that carries `flux` and starts at `point` in `direction`.
     pub(crate) fn ray(&mut self, point: DVec3, direction: DVec3, flux: DVec3) {
+        // Light that leaves a lamp outside the object away from it has not come through the object either.
+        if point.dot(direction) > 0.0 && point.length() > self.object_radius_m {
+            return;
+        }
         let meets = self.meets_object(point, direction);
         if !meets && self.cut_at_object {
             return;

@@ -61,7 +61,7 @@ pub enum Lamp {
 /// A ray that carries flux.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
-    /// A point on the ray.
+    /// Where it starts: on the lamp; for a sun, upstream of the ball.
     pub origin: DVec3,
     /// Unit direction, the way the light travels.
     pub direction: DVec3,
@@ -109,7 +109,8 @@ impl Lamp {
                 let (x, y) = sampling::across(*direction);
                 let point = ball_radius * sampling::disk(a, b);
                 Some(Ray {
-                    origin: point.x * x + point.y * y,
+                    // Upstream of the whole ball.
+                    origin: point.x * x + point.y * y - ball_radius * *direction,
                     direction: *direction,
                     flux: *irradiance * (PI * ball_radius * ball_radius),
                 })

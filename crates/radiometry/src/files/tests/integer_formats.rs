@@ -9,9 +9,9 @@ use super::{decode, decode_counts, decode_float};
 #[test]
 fn grey_of_few_bits_is_stretched_to_eight() {
     // 2 bits: 0, 1, 2, 3 in one byte.
-    assert_eq!(decode_counts(&png(4, 2, 0, &[], &[&[0b00_01_10_11]]), 8).pixels(), [0, 85, 170, 255].map(|v| [v; 3]));
-    assert_eq!(decode_counts(&png(3, 1, 0, &[], &[&[0b1010_0000]]), 8).pixels(), [255, 0, 255].map(|v| [v; 3]));
-    assert_eq!(decode_counts(&png(2, 4, 0, &[], &[&[0x1f]]), 8).pixels(), [17, 255].map(|v| [v; 3]));
+    assert_eq!(decode_counts(&png((4, 1), 2, 0, &[], &[&[0b00_01_10_11]]), 8).pixels(), [0, 85, 170, 255].map(|v| [v; 3]));
+    assert_eq!(decode_counts(&png((3, 1), 1, 0, &[], &[&[0b1010_0000]]), 8).pixels(), [255, 0, 255].map(|v| [v; 3]));
+    assert_eq!(decode_counts(&png((2, 1), 4, 0, &[], &[&[0x1f]]), 8).pixels(), [17, 255].map(|v| [v; 3]));
 }
 
 #[test]
@@ -19,30 +19,30 @@ fn palettes_are_looked_up_and_their_transparency_dropped() {
     let palette: (&[u8; 4], &[u8]) = (b"PLTE", &[1, 2, 3, 40, 50, 60, 7, 8, 9]);
     let transparency: (&[u8; 4], &[u8]) = (b"tRNS", &[0, 128]);
     for chunks in [&[palette][..], &[palette, transparency]] {
-        let image = decode_counts(&png(3, 8, 3, chunks, &[&[2, 0, 1], &[1, 1, 1]]), 8);
+        let image = decode_counts(&png((3, 2), 8, 3, chunks, &[&[2, 0, 1], &[1, 1, 1]]), 8);
         assert_eq!(image.pixels()[..3], [[7, 8, 9], [1, 2, 3], [40, 50, 60]]);
     }
-    assert_eq!(decode_counts(&png(2, 4, 3, &[palette], &[&[0x21]]), 8).pixels(), [[7, 8, 9], [40, 50, 60]]);
+    assert_eq!(decode_counts(&png((2, 1), 4, 3, &[palette], &[&[0x21]]), 8).pixels(), [[7, 8, 9], [40, 50, 60]]);
 }
 
 #[test]
 fn sixteen_bits_keep_their_range() {
-    let image = decode_counts(&png(2, 16, 2, &[], &[&[0, 1, 2, 3, 4, 5, 255, 255, 0, 0, 1, 0]]), 16);
+    let image = decode_counts(&png((2, 1), 16, 2, &[], &[&[0, 1, 2, 3, 4, 5, 255, 255, 0, 0, 1, 0]]), 16);
     assert_eq!(image.pixels(), [[1, 515, 1029], [65535, 0, 256]]);
-    let image = decode_counts(&png(1, 16, 4, &[], &[&[1, 2, 0, 0]]), 16);
+    let image = decode_counts(&png((1, 1), 16, 4, &[], &[&[1, 2, 0, 0]]), 16);
     assert_eq!(image.pixels(), [[258; 3]], "grey with alpha 0");
 }
 
 #[test]
 fn alpha_is_dropped_not_applied() {
-    assert_eq!(decode_counts(&png(1, 8, 6, &[], &[&[9, 8, 7, 0]]), 8).pixels(), [[9, 8, 7]]);
+    assert_eq!(decode_counts(&png((1, 1), 8, 6, &[], &[&[9, 8, 7, 0]]), 8).pixels(), [[9, 8, 7]]);
     let tiff = by_image_crate(image::RgbaImage::from_pixel(2, 1, image::Rgba([9, 8, 7, 0])), ImageFormat::Tiff);
     assert_eq!(decode_counts(&tiff, 8).pixels(), [[9, 8, 7]; 2]);
 }
 
 #[test]
 fn a_wrong_checksum_is_damage() {
-    let mut file = png(4, 8, 0, &[], &[&[1, 2, 3, 4]]);
+    let mut file = png((4, 1), 8, 0, &[], &[&[1, 2, 3, 4]]);
     let at = file.len() - 12 - 4 - 6; // in the compressed rows, before checksums and the last chunk
     file[at] ^= 1;
     assert!(matches!(decode(&file), Err(FileError::Damaged { format: "PNG", .. })));

@@ -11,8 +11,7 @@ use super::{decode, samples};
 /// Small sound files whose headers were made to announce `side` × `side`.
 fn announcing(side: u32) -> Vec<(&'static str, Vec<u8>)> {
     let colour = || image::RgbImage::from_pixel(13, 9, image::Rgb([1, 2, 3]));
-    let mut png = samples::by_image_crate(colour(), ImageFormat::Png);
-    png[16..24].copy_from_slice([side.to_be_bytes(); 2].as_flattened());
+    let png = samples::png((side, side), 8, 2, &[], &[&[1, 2, 3]]);
 
     let mut tiff = samples::by_image_crate(colour(), ImageFormat::Tiff);
     for tag in [256_u16, 257, 278] {

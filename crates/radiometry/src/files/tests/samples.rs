@@ -102,9 +102,9 @@ pub(super) fn by_image_crate(image: impl Into<DynamicImage>, format: ImageFormat
 }
 
 /// A PNG put together by hand, for the kinds no encoder at hand writes: `rows` packed as the standard says.
-pub(super) fn png(width: u32, depth: u8, colour: u8, chunks: &[(&[u8; 4], &[u8])], rows: &[&[u8]]) -> Vec<u8> {
+pub(super) fn png(size: (u32, u32), depth: u8, colour: u8, chunks: &[(&[u8; 4], &[u8])], rows: &[&[u8]]) -> Vec<u8> {
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
-    let size = [width.to_be_bytes(), (rows.len() as u32).to_be_bytes()];
+    let size = [size.0.to_be_bytes(), size.1.to_be_bytes()];
     png_chunk(&mut file, b"IHDR", &[size.as_flattened(), &[depth, colour, 0, 0, 0]].concat());
     for (kind, content) in chunks {
         png_chunk(&mut file, kind, content);
