@@ -60,7 +60,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let Some(figures) = difference(&a, &b, mask.as_deref(), arguments.fit_scale) else {
         let path = arguments.b.display();
-        return Err(Failure::failed(format!("{path}: nothing to compare with: it is black, or the mask leaves no pixel")));
+        return Err(Failure::failed(format!(
+            "{path}: nothing to compare with: it is black, or the mask leaves no pixel"
+        )));
     };
     if let Some(output) = &arguments.output {
         write_difference(output, &a, &b, mask.as_deref(), figures.scale)?;
@@ -123,9 +125,11 @@ fn write_difference(
     let pairs = || a.pixels().iter().zip(b.pixels()).enumerate();
     if PictureFormat::of(path)? == PictureFormat::Exr {
         let pixels = pairs()
-            .map(|(index, (a, b))| {
-                if inside(index) { [0, 1, 2].map(|channel| scale * a[channel] - b[channel]) } else { [0.0; 3] }
-            })
+            .map(
+                |(index, (a, b))| {
+                    if inside(index) { [0, 1, 2].map(|channel| scale * a[channel] - b[channel]) } else { [0.0; 3] }
+                },
+            )
             .collect();
         files::write_exr(path, &Image::<Linear>::from_pixels(a.width(), a.height(), pixels), ExrSample::Float, &[])?;
         return Ok(());

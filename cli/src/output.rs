@@ -77,11 +77,7 @@ impl PictureFormat {
 }
 
 /// Writes a picture: EXR (float) and HDR hold radiance, PNG (8 bit) and TIFF (16 bit) what a display shows.
-pub(crate) fn write_picture(
-    path: &Path,
-    picture: &Image<Radiance>,
-    display: &DisplayArguments,
-) -> Result<(), Failure> {
+pub(crate) fn write_picture(path: &Path, picture: &Image<Radiance>, display: &DisplayArguments) -> Result<(), Failure> {
     let shown = || display.display().encode(picture);
     match PictureFormat::of(path)? {
         PictureFormat::Exr => files::write_exr(path, picture, ExrSample::Float, &[])?,

@@ -36,7 +36,11 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let (lights, outputs) = (&arguments.lights, &arguments.outputs);
     if lights.len() != outputs.len() {
-        return Err(Failure::usage(format!("{} lights, but {} outputs: give one -o for each", lights.len(), outputs.len())));
+        return Err(Failure::usage(format!(
+            "{} lights, but {} outputs: give one -o for each",
+            lights.len(),
+            outputs.len()
+        )));
     }
     for (index, output) in outputs.iter().enumerate() {
         PictureFormat::of(output)?;

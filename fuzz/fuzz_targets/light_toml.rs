@@ -13,8 +13,9 @@ fuzz_target!(|text: &str| {
     match Light::parse(Path::new(PATH), text) {
         Ok(light) => {
             for lamp in &light.lamps {
-                if let Lamp::Spot { axis: way, .. } | Lamp::Sun { direction: way, .. } | Lamp::Shaft { direction: way, .. } =
-                    lamp
+                if let Lamp::Spot { axis: way, .. }
+                | Lamp::Sun { direction: way, .. }
+                | Lamp::Shaft { direction: way, .. } = lamp
                 {
                     assert!((way.length() - 1.0).abs() < 1e-9, "{way} is no unit vector");
                 }

@@ -248,13 +248,16 @@ impl Studio {
         self.light("sky.toml", "[environment]\nradiance = [1, 1, 1]\n")
     }
 
-    /// Relights `field` under a light of a few samples, with more `words`.
+    /// Relights `field` under a light with more `words`, of a few samples if they do not say how many.
     #[track_caller]
     pub(crate) fn relit(&self, field: &Path, light: &Path, words: &[&str]) -> Image<Linear> {
         let output = self.path("relit.exr");
-        let mut command: Vec<_> = ["relight", "--force", "--samples", "16384"].map(Into::into).to_vec();
+        let mut command: Vec<_> = ["relight", "--force"].map(Into::into).to_vec();
         command.extend([field.into(), "--light".into(), light.into(), "-o".into(), output.clone().into_os_string()]);
         command.extend(words.iter().map(Into::into));
+        if !words.contains(&"--samples") {
+            command.extend(["--samples".into(), "16384".into()]);
+        }
         super::run(&command).succeeds();
         read(&output)
     }

@@ -101,10 +101,8 @@ impl Partition {
             // The band between two tilts has the height of its slice: Archimedes' hat box.
             let band = (j as f64 * delta_tilt).cos() - ((j + 1) as f64 * delta_tilt).cos();
             for i in 0..azimuths {
-                positions.push(Position {
-                    azimuth: (i as f64 + 0.5) * delta_azimuth,
-                    tilt: (j as f64 + 0.5) * delta_tilt,
-                });
+                positions
+                    .push(Position { azimuth: (i as f64 + 0.5) * delta_azimuth, tilt: (j as f64 + 0.5) * delta_tilt });
                 solid_angles.push(delta_azimuth * band);
             }
         }

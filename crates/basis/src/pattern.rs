@@ -19,11 +19,7 @@ impl Pattern {
     /// If M is not in 1 ..= 1024, or h not positive and finite (at most 10).
     pub fn new(squares: usize, half_width: f64) -> Result<Self, BasisError> {
         if !(1..=Self::MAX_SQUARES).contains(&squares) {
-            return Err(BasisError::OutOfRange {
-                name: "squares",
-                expected: "1 to 1024",
-                found: squares.to_string(),
-            });
+            return Err(BasisError::OutOfRange { name: "squares", expected: "1 to 1024", found: squares.to_string() });
         }
         if !(half_width > 0.0 && half_width <= 10.0) {
             return Err(BasisError::OutOfRange {

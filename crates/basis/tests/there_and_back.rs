@@ -130,7 +130,9 @@ fn at_a_captured_position_all_goes_to_it() {
 
 #[test]
 fn patches_cover_the_hemisphere_and_squares_the_pattern() {
-    for layout in [Layout::Grid { azimuths: 12, tilts: 4 }, Layout::Grid { azimuths: 1, tilts: 1 }, Layout::List(spread(37))] {
+    for layout in
+        [Layout::Grid { azimuths: 12, tilts: 4 }, Layout::Grid { azimuths: 1, tilts: 1 }, Layout::List(spread(37))]
+    {
         let cells = near_cells(layout, 8);
         let whole: f64 = (0..cells.positions()).map(|p| cells.partition().solid_angle(p)).sum();
         assert!((whole / TAU - 1.0).abs() < 1e-9);

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use relumine_basis::Cell;
 use relumine_radiometry::files::{self, Picture};
-use relumine_radiometry::{Counts, Image, Linear, Linearization, Merged, NoiseModel, Visibility, merge_counts, merge_linear};
+use relumine_radiometry::{
+    Counts, Image, Linear, Linearization, Merged, NoiseModel, Visibility, merge_counts, merge_linear,
+};
 use sha2::{Digest, Sha256};
 
 use crate::separation::{self, Combs, Method, Residual};
@@ -76,9 +78,7 @@ impl Developer {
     /// # Errors
     /// If the camera's response is not known.
     pub fn new(capture: Capture, method: Method, black_level: Option<f64>) -> Result<Self, CaptureError> {
-        let fail = |reason: String| {
-            Err(CaptureError::Setup { path: capture.directory().join("capture.toml"), reason })
-        };
+        let fail = |reason: String| Err(CaptureError::Setup { path: capture.directory().join("capture.toml"), reason });
         if let Some(b) = black_level
             && !(0.0..1.0).contains(&b)
         {
@@ -160,7 +160,10 @@ impl Developer {
         frames.par_iter_mut().flatten().chain(white.par_iter_mut()).for_each(|frame| {
             frame.iter_mut().zip(&black).for_each(|(value, black)| *value = (*value - black) * scale);
         });
-        Ok((Some(DevelopedPosition { developer: self, position, frames, white, black_level, clipped, losses }), Vec::new()))
+        Ok((
+            Some(DevelopedPosition { developer: self, position, frames, white, black_level, clipped, losses }),
+            Vec::new(),
+        ))
     }
 
     /// The white frame, NaN where every exposure is clipped; not having one loses nothing.
@@ -273,12 +276,7 @@ impl Developer {
 
 /// b from the ratio of the black frame to the white one, over all pixels; without a white frame, from the sum of all
 /// squares, which the scheme photographs once (squares) or twice (combs).
-fn measured_black_level(
-    scheme: Scheme,
-    black: &[f32],
-    frames: &[Option<Vec<f32>>],
-    white: Option<&[f32]>,
-) -> f64 {
+fn measured_black_level(scheme: Scheme, black: &[f32], frames: &[Option<Vec<f32>>], white: Option<&[f32]>) -> f64 {
     let sum = |frame: &[f32]| frame.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum::<f64>();
     if let Some(white) = white {
         let trusted = black.iter().zip(white).filter(|(_, white)| !white.is_nan());
@@ -335,9 +333,7 @@ impl DevelopedPosition<'_> {
         let setup = self.developer.capture.setup();
         let m = setup.cells().squares();
         let factor = (0..m * m)
-            .map(|square| {
-                setup.transfer_per_radiance(Cell { position: self.position, u: square % m, v: square / m })
-            })
+            .map(|square| setup.transfer_per_radiance(Cell { position: self.position, u: square % m, v: square / m }))
             .fold(0.0, f64::max);
         // A fitted comb is scaled to the white frame, which may be brighter than any comb.
         let brightest = self

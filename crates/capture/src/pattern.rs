@@ -49,9 +49,7 @@ impl FromStr for ShownPattern {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let fail = || {
-            format!("expected black, white, row-V-K, column-U-K or square-U-V as pattern, found \"{text}\"")
-        };
+        let fail = || format!("expected black, white, row-V-K, column-U-K or square-U-V as pattern, found \"{text}\"");
         let mut parts = text.split('-');
         let name = parts.next().unwrap_or_default();
         let numbers: Vec<usize> = parts.map(str::parse).collect::<Result<_, _>>().map_err(|_| fail())?;

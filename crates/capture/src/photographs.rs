@@ -151,7 +151,11 @@ fn fields(line: &str) -> Result<Vec<String>, String> {
             _ => field.push(letter),
         }
     }
-    if quoted { Err("a quote is not closed".into()) } else { Ok(fields.iter().map(|field| field.trim().into()).collect()) }
+    if quoted {
+        Err("a quote is not closed".into())
+    } else {
+        Ok(fields.iter().map(|field| field.trim().into()).collect())
+    }
 }
 
 fn parse_row(fields: &[String], line: u64) -> Result<(usize, ShownPattern, PhotographRow), String> {
@@ -166,9 +170,8 @@ fn parse_row(fields: &[String], line: u64) -> Result<(usize, ShownPattern, Photo
             .filter(|value| *value > 0.0 && value.is_finite())
             .ok_or_else(|| format!("{} must be a number above 0, found \"{}\"", COLUMNS[index], field(index)))
     };
-    let position = field(0)
-        .parse()
-        .map_err(|_| format!("position must be a whole number from 0, found \"{}\"", field(0)))?;
+    let position =
+        field(0).parse().map_err(|_| format!("position must be a whole number from 0, found \"{}\"", field(0)))?;
     let gain = match (field(3).is_empty(), field(4).is_empty()) {
         (true, true) => None,
         (false, false) => Some(Gain { iso: positive(3)?, f_number: positive(4)? }),
@@ -199,7 +202,6 @@ fn parse_sha256(text: &str) -> Option<[u8; 32]> {
     }
     Some(digest)
 }
-
 
 #[cfg(test)]
 mod tests {

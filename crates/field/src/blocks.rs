@@ -81,9 +81,8 @@ impl Blocks {
 
     /// The pixels of block (row, column) of a tile, relative to the tile's corner, cut at `extent`, the tile's own.
     pub fn block_in_tile(&self, extent: &Extent, [row, column]: [usize; 2]) -> Extent {
-        let cut = |index: usize, side: usize, length: usize| {
-            (index * side).min(length)..((index + 1) * side).min(length)
-        };
+        let cut =
+            |index: usize, side: usize, length: usize| (index * side).min(length)..((index + 1) * side).min(length);
         Extent {
             columns: cut(column, self.block[1], extent.columns.len()),
             rows: cut(row, self.block[0], extent.rows.len()),

@@ -67,8 +67,7 @@ impl Header {
     /// The `format` of this version.
     pub const FORMAT: &'static str = "relumine-field/1";
     /// The value of [`Header::units`].
-    pub const UNITS: &'static str =
-        "transfer × scale[position]: radiance towards the camera per unit incident radiance over one cell, R_i of eq. 5";
+    pub const UNITS: &'static str = "transfer × scale[position]: radiance towards the camera per unit incident radiance over one cell, R_i of eq. 5";
 
     /// A header for the given cells.
     pub fn new(cells: &Cells, picture: [usize; 2], title: Option<String>, made: serde_json::Value) -> Self {
@@ -87,15 +86,7 @@ impl Header {
             }
             Reach::Far => Lamps::Distant { irradiance: vec![[1.0; 3]; cells.positions()] },
         };
-        Self {
-            format: Self::FORMAT.into(),
-            title,
-            picture,
-            positions,
-            lamps,
-            units: Self::UNITS.into(),
-            made,
-        }
+        Self { format: Self::FORMAT.into(), title, picture, positions, lamps, units: Self::UNITS.into(), made }
     }
 
     /// The cells of the field.

@@ -80,7 +80,10 @@ pub(crate) fn verify(field: &Path) -> Result<Vec<Damage>, FieldError> {
         .collect();
     let names: std::collections::BTreeSet<&str> = listed.iter().map(|(name, _)| name.as_str()).collect();
     damage.extend(
-        files_below(field)?.iter().filter(|name| !names.contains(name.as_str())).map(|name| Damage::Unlisted(name.into())),
+        files_below(field)?
+            .iter()
+            .filter(|name| !names.contains(name.as_str()))
+            .map(|name| Damage::Unlisted(name.into())),
     );
     Ok(damage)
 }

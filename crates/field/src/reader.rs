@@ -146,8 +146,8 @@ impl ReflectanceField {
         let Cell { position, u, v } = self.cells.cell(cell);
         let square = v * self.cells.squares() + u;
         let blocks = self.blocks();
-        let mut buffer = BlockBuffer::new(&blocks)
-            .map_err(|source| FieldError::Read { path: self.path.clone(), source })?;
+        let mut buffer =
+            BlockBuffer::new(&blocks).map_err(|source| FieldError::Read { path: self.path.clone(), source })?;
         let mut picture = Image::black(width, height);
         let ([block_height, block_width], [down, across]) = (blocks.block(), blocks.blocks_per_tile());
         for tile in blocks.all_tiles() {

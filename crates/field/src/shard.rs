@@ -31,7 +31,13 @@ pub(crate) fn encode(blocks: &Blocks, squares: usize, extent: &Extent, values: &
     for square in 0..squares {
         for block in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])) {
             let inner = blocks.block_in_tile(extent, block);
-            let stored = gather(&values[square * 3 * plane..][..3 * plane], extent, &inner, [block_height, block_width], &mut raw);
+            let stored = gather(
+                &values[square * 3 * plane..][..3 * plane],
+                extent,
+                &inner,
+                [block_height, block_width],
+                &mut raw,
+            );
             let entry = if stored {
                 let frame = compressor.compress(&raw)?;
                 let entry = [bytes.len() as u64, frame.len() as u64];
@@ -57,9 +63,7 @@ fn gather(square: &[f16], extent: &Extent, inner: &Extent, [height, width]: [usi
         for (y, row) in inner.rows.clone().enumerate() {
             let from = (channel * extent.rows.len() + row) * extent.columns.len() + inner.columns.start;
             let to = (channel * height + y) * width * 2;
-            for (value, bytes) in
-                square[from..from + inner.columns.len()].iter().zip(raw[to..].chunks_exact_mut(2))
-            {
+            for (value, bytes) in square[from..from + inner.columns.len()].iter().zip(raw[to..].chunks_exact_mut(2)) {
                 bytes.copy_from_slice(&value.to_le_bytes());
                 any |= value.to_bits();
             }

@@ -225,7 +225,13 @@ impl FieldWriter {
         fs::remove_dir_all(&self.partial)
     }
 
-    fn write_array(&self, name: &str, metadata: serde_json::Value, chunk: &str, bytes: &[u8]) -> Result<(), FieldError> {
+    fn write_array(
+        &self,
+        name: &str,
+        metadata: serde_json::Value,
+        chunk: &str,
+        bytes: &[u8],
+    ) -> Result<(), FieldError> {
         self.write_json(&format!("{name}/zarr.json"), &metadata)?;
         self.write_chunk(&format!("{name}/{chunk}"), bytes)
     }

@@ -30,8 +30,9 @@ pub(crate) fn integrate(
             let a = ((stratum % side) as f64 + rng.random::<f64>()) / side as f64;
             let b = ((stratum / side) as f64 + rng.random::<f64>()) / side as f64;
             let outward = cells.partition().sample(position, a, b);
+            let shares = deposit.shares(outward);
             match cells.reach() {
-                Reach::Far => deposit.square(outward, 0, 0, radiance(DVec3::ZERO, -outward) * solid_angle),
+                Reach::Far => deposit.square(&shares, 0, 0, radiance(DVec3::ZERO, -outward) * solid_angle),
                 Reach::Near { radius_m, pattern } => {
                     let m = pattern.squares();
                     let frame = Position::from_direction(outward).frame();
@@ -41,7 +42,7 @@ pub(crate) fn integrate(
                         let direction = frame.world_from_projector(s, t);
                         let arriving = radiance(radius_m * outward, direction);
                         if arriving != DVec3::ZERO && deposit.reaches_object(radius_m * outward, direction) {
-                            deposit.square(outward, u, v, arriving * (area * squares[v * m + u]));
+                            deposit.square(&shares, u, v, arriving * (area * squares[v * m + u]));
                         }
                     }
                 }

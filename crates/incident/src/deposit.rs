@@ -1,7 +1,7 @@
 //! Flux counted in cells.
 
 use glam::DVec3;
-use relumine_basis::{Cell, Cells, Entry};
+use relumine_basis::{Between, Cell, Cells, Entry};
 
 use crate::Reconstruction;
 
@@ -70,25 +70,24 @@ impl<'a> Deposit<'a> {
         let aimed = if meets { flux.element_sum() } else { 0.0 };
         self.tally.aimed += aimed;
         match self.cells.entry(point, direction) {
-            Entry::Square { outward, u, v } => self.square(outward, u, v, flux),
+            Entry::Square { outward, u, v } => self.square(&self.shares(outward), u, v, flux),
             Entry::BelowHorizon => self.tally.below_horizon += aimed,
             Entry::OutsidePattern | Entry::Misses => self.tally.outside_pattern += aimed,
         }
     }
 
-    /// Counts flux that enters at `outward` through square (u, v).
-    pub(crate) fn square(&mut self, outward: DVec3, u: usize, v: usize, flux: DVec3) {
-        let partition = self.cells.partition();
+    /// The positions that share what enters at `outward`.
+    pub(crate) fn shares(&self, outward: DVec3) -> Between {
         match self.reconstruction {
-            Reconstruction::Box => {
-                let position = partition.owner(outward);
-                self.flux[self.cells.index(Cell { position, u, v })] += flux;
-            }
-            Reconstruction::Linear => {
-                for &(position, share) in partition.between(outward).shares() {
-                    self.flux[self.cells.index(Cell { position, u, v })] += flux * share;
-                }
-            }
+            Reconstruction::Box => Between::only(self.cells.partition().owner(outward)),
+            Reconstruction::Linear => self.cells.partition().between(outward),
+        }
+    }
+
+    /// Counts flux that these positions share and that enters through square (u, v).
+    pub(crate) fn square(&mut self, shares: &Between, u: usize, v: usize, flux: DVec3) {
+        for &(position, share) in shares.shares() {
+            self.flux[self.cells.index(Cell { position, u, v })] += flux * share;
         }
     }
 }

@@ -34,7 +34,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { between: Reconstruction::default(), light_map: false, samples: 1 << 20, object_radius_m: None, seed: 2003 }
+        Self {
+            between: Reconstruction::default(),
+            light_map: false,
+            samples: 1 << 20,
+            object_radius_m: None,
+            seed: 2003,
+        }
     }
 }
 

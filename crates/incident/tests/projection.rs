@@ -103,10 +103,8 @@ fn a_sun_at_the_object_has_the_flux_of_its_beam() {
 fn a_sun_from_a_dome_lamp_is_that_lamp_alone() {
     let cells = dome();
     let towards = cells.partition().positions()[17].direction();
-    let text = format!(
-        "[[sun]]\ndirection = [{}, {}, {}]\nirradiance_w_m2 = [2, 2, 2]\n",
-        -towards.x, -towards.y, -towards.z
-    );
+    let text =
+        format!("[[sun]]\ndirection = [{}, {}, {}]\nirradiance_w_m2 = [2, 2, 2]\n", -towards.x, -towards.y, -towards.z);
     for between in [Reconstruction::Box, Reconstruction::Linear] {
         let found = projected(&text, &cells, between);
         for (cell, value) in found.coefficients.values().iter().enumerate() {
@@ -125,14 +123,21 @@ fn moving_the_object_is_moving_the_light_the_other_way() {
         let (x, y) = (p[0] - 0.3, p[1] + 0.2);
         format!("[{}, {}, {}]", cosine * x + sine * y, cosine * y - sine * x, p[2] - 0.1)
     };
-    let by_hand = SPOT.replace("[-1.7, -2.9, 3.7]", &back([-1.7, -2.9, 3.7])).replace("[-0.2, 0, 0.2]", &back([-0.2, 0.0, 0.2]));
-    assert_close(&projected(&moved, &cells, Reconstruction::Linear), &projected(&by_hand, &cells, Reconstruction::Linear), 1e-5);
+    let by_hand =
+        SPOT.replace("[-1.7, -2.9, 3.7]", &back([-1.7, -2.9, 3.7])).replace("[-0.2, 0, 0.2]", &back([-0.2, 0.0, 0.2]));
+    assert_close(
+        &projected(&moved, &cells, Reconstruction::Linear),
+        &projected(&by_hand, &cells, Reconstruction::Linear),
+        1e-5,
+    );
     // A quarter turn of a sky is three positions of twelve.
     let folder = std::env::temp_dir().join(format!("relumine-sky-{}.exr", std::process::id()));
     let sky = relumine_radiometry::Image::<relumine_radiometry::Radiance>::from_pixels(
         24,
         12,
-        (0..288).map(|i| [1.0 + (i as f32 % 24.0 * std::f32::consts::TAU / 24.0).cos(), (i / 24) as f32, 1.0]).collect(),
+        (0..288)
+            .map(|i| [1.0 + (i as f32 % 24.0 * std::f32::consts::TAU / 24.0).cos(), (i / 24) as f32, 1.0])
+            .collect(),
     );
     relumine_radiometry::files::write_exr(&folder, &sky, relumine_radiometry::files::ExrSample::Float, &[]).unwrap();
     let map = format!("[environment]\nmap = \"{}\"\n", folder.display());
@@ -180,10 +185,13 @@ fn light_that_varies_in_space_is_the_same_everywhere_as_a_light_map() {
 
 #[test]
 fn a_lamp_outside_that_shines_away_lights_nothing() {
-    let away = "[[rectangle]]\ncorner = [1.3, -0.2, 0.8]\nedge_u = [0, 0.4, 0]\nedge_v = [0, 0, 0.4]\nradiance = [9, 9, 9]\n";
+    let away =
+        "[[rectangle]]\ncorner = [1.3, -0.2, 0.8]\nedge_u = [0, 0.4, 0]\nedge_v = [0, 0, 0.4]\nradiance = [9, 9, 9]\n";
     let within = Options { object_radius_m: Some(1.0), ..options(Reconstruction::Box) };
     assert_eq!(project(&light(away), &chess_like(8), &within).unwrap().flux, [0.0; 3]);
-    let towards = away.replace("edge_u = [0, 0.4, 0]", "edge_u = [0, 0, 0.4]").replace("edge_v = [0, 0, 0.4]", "edge_v = [0, 0.4, 0]");
+    let towards = away
+        .replace("edge_u = [0, 0.4, 0]", "edge_u = [0, 0, 0.4]")
+        .replace("edge_v = [0, 0, 0.4]", "edge_v = [0, 0.4, 0]");
     assert!(project(&light(&towards), &chess_like(8), &within).unwrap().flux[0] > 0.1);
 }
 
@@ -192,7 +200,10 @@ fn the_error_estimate_is_honest() {
     // The spread over seeds is what each run says of itself.
     let cells = chess_like(4);
     let runs: Vec<Projected> = (0..8)
-        .map(|seed| project(&light(SPOT), &cells, &Options { seed, samples: 1 << 14, ..options(Reconstruction::Linear) }).unwrap())
+        .map(|seed| {
+            project(&light(SPOT), &cells, &Options { seed, samples: 1 << 14, ..options(Reconstruction::Linear) })
+                .unwrap()
+        })
         .collect();
     let n = runs.len() as f64;
     let (mut variance, mut energy) = (0.0, 0.0);

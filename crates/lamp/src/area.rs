@@ -157,8 +157,7 @@ impl Face {
         let squared = offset.length_squared();
         let direction = offset.try_normalize()?;
         let cosine = direction.dot(self.normal);
-        (cosine > 0.0)
-            .then(|| Arrival { direction, irradiance: self.radiance * (cosine * self.area / squared) })
+        (cosine > 0.0).then(|| Arrival { direction, irradiance: self.radiance * (cosine * self.area / squared) })
     }
 
     /// Where light that reaches `point` in `direction` left the plane through `origin`, if it left the bright side.

@@ -379,9 +379,7 @@ impl Check<'_> {
     fn environment(&self, environment: &EnvironmentText) -> Result<Environment, LightError> {
         let sky = match (&environment.map, environment.radiance) {
             (Some(map), None) => Environment::lat_long(files::read_linear(&self.beside(map))?.reinterpret()),
-            (None, Some(radiance)) => {
-                Environment::constant(self.colour("environment: radiance".into(), radiance)?)
-            }
+            (None, Some(radiance)) => Environment::constant(self.colour("environment: radiance".into(), radiance)?),
             _ => return self.fail("environment", "expected either `map` or `radiance`"),
         };
         let rotation = self.finite("environment: rotation_deg".into(), environment.rotation_deg)?;

@@ -89,7 +89,8 @@ impl Environment {
         let columns = [column(left as i64), column(left as i64 + 1)];
         let rows = [top as usize, (top as usize + 1).min(height - 1)];
         let at = |i: usize, j: usize| DVec3::from_array(map.pixel(columns[i], rows[j]).map(f64::from));
-        (at(0, 0) * (1.0 - right) + at(1, 0) * right) * (1.0 - below) + (at(0, 1) * (1.0 - right) + at(1, 1) * right) * below
+        (at(0, 0) * (1.0 - right) + at(1, 0) * right) * (1.0 - below)
+            + (at(0, 1) * (1.0 - right) + at(1, 1) * right) * below
     }
 }
 

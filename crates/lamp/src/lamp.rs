@@ -87,11 +87,7 @@ impl Lamp {
         match self {
             Lamp::Point { position, intensity } => {
                 let cone = Cone::towards_ball(*position, ball_radius);
-                Some(Ray {
-                    origin: *position,
-                    direction: cone.sample(a, b),
-                    flux: *intensity * cone.solid_angle(),
-                })
+                Some(Ray { origin: *position, direction: cone.sample(a, b), flux: *intensity * cone.solid_angle() })
             }
             Lamp::Spot { position, axis, cutoff_half_angle, .. } => {
                 let beam = Cone::new(*axis, *cutoff_half_angle);

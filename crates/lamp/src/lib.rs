@@ -14,9 +14,9 @@ mod placement;
 mod sampling;
 mod slide;
 
+pub use area::{Disk, Rectangle, Sphere};
 pub use description::{Light, LightError, Mosaic};
 pub use environment::{Environment, Highlights};
 pub use lamp::{Arrival, Lamp, Ray};
-pub use area::{Disk, Rectangle, Sphere};
 pub use placement::Placement;
 pub use slide::Slide;

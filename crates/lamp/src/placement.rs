@@ -48,13 +48,9 @@ impl Placement {
         let way = |d: DVec3| self.object_from_world_direction(d);
         match lamp.clone() {
             Lamp::Point { position, intensity } => Lamp::Point { position: point(position), intensity },
-            Lamp::Spot { position, axis, intensity, beam_half_angle, cutoff_half_angle } => Lamp::Spot {
-                position: point(position),
-                axis: way(axis),
-                intensity,
-                beam_half_angle,
-                cutoff_half_angle,
-            },
+            Lamp::Spot { position, axis, intensity, beam_half_angle, cutoff_half_angle } => {
+                Lamp::Spot { position: point(position), axis: way(axis), intensity, beam_half_angle, cutoff_half_angle }
+            }
             Lamp::Sphere(sphere) => Lamp::Sphere(Sphere { center: point(sphere.center), ..sphere }),
             Lamp::Rectangle(rectangle) => Lamp::Rectangle(Rectangle {
                 corner: point(rectangle.corner),
@@ -62,9 +58,7 @@ impl Placement {
                 edge_v: way(rectangle.edge_v),
                 ..rectangle
             }),
-            Lamp::Disk(disk) => {
-                Lamp::Disk(Disk { center: point(disk.center), normal: way(disk.normal), ..disk })
-            }
+            Lamp::Disk(disk) => Lamp::Disk(Disk { center: point(disk.center), normal: way(disk.normal), ..disk }),
             Lamp::Sun { direction, irradiance } => Lamp::Sun { direction: way(direction), irradiance },
             Lamp::Shaft { origin, direction, radius_m, irradiance } => {
                 Lamp::Shaft { origin: point(origin), direction: way(direction), radius_m, irradiance }

@@ -10,11 +10,8 @@ pub(crate) fn disk(a: f64, b: f64) -> DVec2 {
     if x == 0.0 && y == 0.0 {
         return DVec2::ZERO;
     }
-    let (radius, angle) = if x.abs() > y.abs() {
-        (x, TAU / 8.0 * (y / x))
-    } else {
-        (y, TAU / 4.0 - TAU / 8.0 * (x / y))
-    };
+    let (radius, angle) =
+        if x.abs() > y.abs() { (x, TAU / 8.0 * (y / x)) } else { (y, TAU / 4.0 - TAU / 8.0 * (x / y)) };
     radius * DVec2::new(angle.cos(), angle.sin())
 }
 

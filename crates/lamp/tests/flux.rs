@@ -114,13 +114,18 @@ fn radiance_is_there_where_light_arrives_from_and_nowhere_else() {
         let n = 700;
         let mut integral = DVec3::ZERO;
         for i in 0..n * n {
-            let (z, azimuth) =
-                (2.0 * (f64::from(i % n) + 0.5) / f64::from(n) - 1.0, std::f64::consts::TAU * (f64::from(i / n) + 0.5) / f64::from(n));
+            let (z, azimuth) = (
+                2.0 * (f64::from(i % n) + 0.5) / f64::from(n) - 1.0,
+                std::f64::consts::TAU * (f64::from(i / n) + 0.5) / f64::from(n),
+            );
             let r = (1.0 - z * z).sqrt();
             integral += lamp.radiance(point, DVec3::new(r * azimuth.cos(), r * azimuth.sin(), z));
         }
         integral *= 4.0 * std::f64::consts::PI / f64::from(n * n);
-        assert!((integral - arriving).abs().max_element() <= 0.02 * arriving.max_element(), "{name}: {integral} {arriving}");
+        assert!(
+            (integral - arriving).abs().max_element() <= 0.02 * arriving.max_element(),
+            "{name}: {integral} {arriving}"
+        );
     }
 }
 
@@ -172,7 +177,9 @@ fn what_cannot_be_is_an_error_that_says_where() {
     let parse = |text: &str| {
         Light::parse(Path::new("l.toml"), &format!("format = \"relumine-light/1\"\n{text}")).unwrap_err().to_string()
     };
-    assert!(parse("[[sphere]]\ncentre = [0, 0, 0]\n").contains("l.toml:3: unknown key `centre`: did you mean `center`?"));
+    assert!(
+        parse("[[sphere]]\ncentre = [0, 0, 0]\n").contains("l.toml:3: unknown key `centre`: did you mean `center`?")
+    );
     assert!(parse("[[spots]]\n").contains("did you mean `spot`?"));
     assert!(parse("[[sun]]\ndirection = [0, 0, 0]\nirradiance_w_m2 = [1, 1, 1]\n").contains("sun 0: direction"));
     assert!(parse("[[point]]\nposition = [0, 0, nan]\nintensity_w_sr = [1, 1, 1]\n").contains("point 0: position"));

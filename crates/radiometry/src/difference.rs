@@ -24,7 +24,12 @@ pub struct Difference {
 ///
 /// # Panics
 /// If the pictures or the mask differ in size.
-pub fn difference<Q: Linearity>(a: &Image<Q>, b: &Image<Q>, mask: Option<&[bool]>, fit_scale: bool) -> Option<Difference> {
+pub fn difference<Q: Linearity>(
+    a: &Image<Q>,
+    b: &Image<Q>,
+    mask: Option<&[bool]>,
+    fit_scale: bool,
+) -> Option<Difference> {
     assert_eq!(a.size(), b.size(), "pictures of different size");
     assert!(mask.is_none_or(|mask| mask.len() == b.pixels().len()), "a mask of another size");
     let compared = |index: usize| mask.is_none_or(|mask| mask[index]);

@@ -37,8 +37,8 @@ impl Display {
                 (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14)
             }
         };
-        // `max` first: it turns NaN into black instead of passing it on.
-        srgb_encode(f64::from(value.max(0.0).min(1.0))) as f32
+        // Written so that NaN becomes black.
+        if value > 0.0 { srgb_encode(f64::from(value.min(1.0))) as f32 } else { 0.0 }
     }
 }
 

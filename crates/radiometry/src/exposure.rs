@@ -19,7 +19,7 @@ pub struct Gain {
 }
 
 impl ExposureSettings {
-    /// exposure_s · (iso/100) / f_number²: what a radiance is multiplied with on its way to the relative exposure X.
+    /// `exposure_s` · (`iso`/100) / `f_number`²: what a radiance is multiplied with on its way to the relative exposure X.
     pub fn relative(&self) -> f64 {
         match self.gain {
             Some(Gain { iso, f_number }) => self.exposure_s * (iso / 100.0) / (f_number * f_number),

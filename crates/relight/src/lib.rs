@@ -6,6 +6,7 @@
 //!
 //! Nothing here knows where coefficients come from or how a field was made.
 
+mod kernel;
 mod reference;
 mod relighting;
 mod resident;

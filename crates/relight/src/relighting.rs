@@ -1,14 +1,15 @@
 //! The fast version: blocks of pixels, all cores, several lights in one pass.
 
-use std::ops::Range;
-
-use half::slice::HalfFloatSliceExt;
+use half::f16;
 use rayon::prelude::*;
 use relumine_basis::Coefficients;
 use relumine_field::{BlockBuffer, FieldError, ReflectanceField};
 use relumine_radiometry::{Image, Radiance};
 
-use crate::TransferSource;
+use crate::{TransferSource, kernel};
+
+/// Squares that are added in one pass over the sum: it is read and written once for all of them.
+const TOGETHER: usize = 8;
 
 /// Why a field cannot be relit.
 #[derive(Debug, thiserror::Error)]
@@ -126,43 +127,53 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
         let blocks = field.blocks();
         let [down, across] = blocks.blocks_per_tile();
         let m2 = field.cells().squares() * field.cells().squares();
-        let mut buffer = BlockBuffer::new(&blocks)
+        let new_buffer = |_| BlockBuffer::new(&blocks);
+        let mut buffers: Vec<BlockBuffer> = (0..TOGETHER)
+            .map(new_buffer)
+            .collect::<Result<_, _>>()
             .map_err(|source| FieldError::Read { path: field.path().to_path_buf(), source })?;
-        let values_a_block = buffer.values().len();
-        let block_sum = |light: usize, index: usize| -> Range<usize> {
-            let start = (light * down * across + index) * values_a_block;
-            start..start + values_a_block
-        };
+        let values_a_block = buffers[0].values().len();
         let mut sums = vec![0.0f32; self.lights.len() * down * across * values_a_block];
-        let mut transfer = vec![0.0f32; values_a_block];
         for &position in group {
-            let cells = position * m2..(position + 1) * m2;
+            let first_cell = position * m2;
             let lit: Vec<usize> = (0..m2)
-                .filter(|square| self.lights.iter().any(|light| light.values()[cells.start + square] != [0.0; 3]))
+                .filter(|square| self.lights.iter().any(|light| light.values()[first_cell + square] != [0.0; 3]))
                 .collect();
             let source = self.source.tile(position, tile, lit.len())?;
             let scale = field.scale(position);
-            for square in lit {
-                for (index, block) in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])).enumerate() {
-                    let Some(halves) = S::block(&source, square, block, &mut buffer)? else { continue };
-                    halves.convert_to_f32_slice(&mut transfer);
+            for (index, block) in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])).enumerate() {
+                for squares in lit.chunks(TOGETHER) {
+                    let mut terms: Vec<(usize, &[f16])> = Vec::with_capacity(TOGETHER);
+                    for (square, buffer) in squares.iter().zip(&mut buffers) {
+                        if let Some(halves) = S::block(&source, *square, block, buffer)? {
+                            terms.push((first_cell + square, halves));
+                        }
+                    }
                     for (light, coefficients) in self.lights.iter().enumerate() {
-                        let coefficient = coefficients.values()[cells.start + square];
-                        if coefficient == [0.0; 3] {
-                            continue;
-                        }
-                        let sum = &mut sums[block_sum(light, index)];
-                        let planes = sum.chunks_exact_mut(values_a_block / 3);
-                        for ((plane, transfer), l) in
-                            planes.zip(transfer.chunks_exact(values_a_block / 3)).zip(coefficient)
-                        {
-                            add_scaled(plane, transfer, l * scale);
-                        }
+                        let start = (light * down * across + index) * values_a_block;
+                        add_block(&mut sums[start..start + values_a_block], &terms, coefficients, scale);
                     }
                 }
             }
         }
         Ok(sums)
+    }
+}
+
+/// Adds lᵢ Rᵢ of some cells to one block, `[channel][row][column]`.
+fn add_block(sum: &mut [f32], terms: &[(usize, &[f16])], light: &Coefficients, scale: f32) {
+    let plane = sum.len() / 3;
+    for (channel, sum) in sum.chunks_exact_mut(plane).enumerate() {
+        let mut weighted: [(f32, &[f16]); TOGETHER] = [(0.0, &[]); TOGETHER];
+        let mut count = 0;
+        for (cell, halves) in terms {
+            let weight = light.values()[*cell][channel] * scale;
+            if weight != 0.0 {
+                weighted[count] = (weight, &halves[channel * plane..(channel + 1) * plane]);
+                count += 1;
+            }
+        }
+        kernel::add_weighted(sum, &weighted[..count]);
     }
 }
 
@@ -174,13 +185,6 @@ impl<S: TransferSource> Iterator for Relighting<'_, S> {
         let tile = *self.tiles.get(self.next)?;
         self.next += 1;
         Some(self.relight_tile(tile))
-    }
-}
-
-/// sum += weight · term: the loop that all the time goes into; the compiler vectorises it.
-fn add_scaled(sum: &mut [f32], term: &[f32], weight: f32) {
-    for (sum, term) in sum.iter_mut().zip(term) {
-        *sum += weight * term;
     }
 }
 

@@ -82,7 +82,9 @@ impl Error {
             Self::Field(FieldError::Damaged { .. } | FieldError::Read { .. }) => {
                 Some("`relumine inspect` lists all that is damaged; develop the capture again")
             }
-            Self::Field(FieldError::NotAField { .. }) => Some("fields are made by `relumine develop` and `relumine import`"),
+            Self::Field(FieldError::NotAField { .. }) => {
+                Some("fields are made by `relumine develop` and `relumine import`")
+            }
             Self::Field(FieldError::Write { .. }) | Self::File(FileError::Write { .. }) => {
                 Some("free some space or choose another disk; run the same command again to go on")
             }

@@ -159,8 +159,7 @@ impl Import {
         };
         let missing = if report.losses.is_empty() { Vec::new() } else { vec![0] };
         let outcome = PositionOutcome { position: index, missing_squares: missing.len(), report };
-        let record =
-            PositionRecord { position: index, scale, missing, report: json!(outcome.report) };
+        let record = PositionRecord { position: index, scale, missing, report: json!(outcome.report) };
         self.writer.finish_position(record, &clipped)?;
         Ok(outcome)
     }
@@ -174,9 +173,7 @@ impl Import {
             }
             Picture::Integer { image, bits } => {
                 let camera = &self.camera[usize::from(bits > 8)];
-                let linear = |pixel: &[u16; 3]| {
-                    [0, 1, 2].map(|channel| camera.exposure(channel, pixel[channel]))
-                };
+                let linear = |pixel: &[u16; 3]| [0, 1, 2].map(|channel| camera.exposure(channel, pixel[channel]));
                 let pixels = image.pixels().iter().map(linear).collect();
                 let clipped = |pixel: &[u16; 3]| u8::from(pixel.iter().any(|code| *code >= camera.white_level()));
                 let clipped = image.pixels().iter().map(clipped).collect();

@@ -27,7 +27,10 @@ fn holds(list: &LampList) {
     assert!(!list.lamps.is_empty());
     for lamp in &list.lamps {
         let position = lamp.position;
-        assert!(position.is_above_horizon() && (0.0..std::f64::consts::TAU).contains(&position.azimuth), "{position:?}");
+        assert!(
+            position.is_above_horizon() && (0.0..std::f64::consts::TAU).contains(&position.azimuth),
+            "{position:?}"
+        );
         assert!(lamp.irradiance.iter().all(|value| *value > 0.0 && value.is_finite()), "{:?}", lamp.irradiance);
     }
     let partition = Partition::new(Layout::List(list.lamps.iter().map(|lamp| lamp.position).collect()));

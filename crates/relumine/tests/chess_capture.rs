@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use relumine::radiometry::files::{self, Picture};
 use relumine::radiometry::{Difference, Image, Radiance, difference};
 use relumine::{
-    Coefficients, DevelopOptions, Development, Light, ProjectionOptions, ReflectanceField, Reconstruction, Relighting,
+    Coefficients, DevelopOptions, Development, Light, ProjectionOptions, Reconstruction, ReflectanceField, Relighting,
     Separation, project,
 };
 
@@ -16,7 +16,10 @@ fn data() -> Option<PathBuf> {
     if path.join("capture.toml").exists() {
         return Some(path);
     }
-    eprintln!("skipped: {} is not there, so relit pictures are not compared with an independent renderer", path.display());
+    eprintln!(
+        "skipped: {} is not there, so relit pictures are not compared with an independent renderer",
+        path.display()
+    );
     None
 }
 
@@ -80,7 +83,10 @@ fn relit_pictures_are_as_near_to_the_truth_as_the_cells_allow() {
         for ((name, box_figures, linear_figures), picture) in TABLE.iter().zip(&pictures) {
             let [ratio, l2] = [box_figures, linear_figures][column];
             let found = against_truth(name, picture);
-            println!("{name} {between:?}: {:.3} / {:.3}, plain chain {ratio} / {l2}", found.ratio_of_means, found.relative_l2);
+            println!(
+                "{name} {between:?}: {:.3} / {:.3}, plain chain {ratio} / {l2}",
+                found.ratio_of_means, found.relative_l2
+            );
             assert!((found.ratio_of_means - ratio).abs() <= 0.015, "{name} {between:?}: {found:?}");
             assert!(found.relative_l2 <= l2 + 0.015, "{name} {between:?}: {found:?}");
         }
@@ -111,10 +117,14 @@ fn coefficients_carry_the_flux_that_an_independent_tracer_counted() {
                 values.map(|(cell, value)| f64::from(value.iter().sum::<f32>()) * cells.measure(cell)).sum()
             };
             let ratio = flux(&found) / flux(&expected);
-            let (error, energy) = found.values().iter().zip(expected.values()).fold((0.0, 0.0), |(error, energy), (a, b)| {
-                let square = |x: f32| f64::from(x).powi(2);
-                (error + (0..3).map(|c| square(a[c] - b[c])).sum::<f64>(), energy + (0..3).map(|c| square(b[c])).sum::<f64>())
-            });
+            let (error, energy) =
+                found.values().iter().zip(expected.values()).fold((0.0, 0.0), |(error, energy), (a, b)| {
+                    let square = |x: f32| f64::from(x).powi(2);
+                    (
+                        error + (0..3).map(|c| square(a[c] - b[c])).sum::<f64>(),
+                        energy + (0..3).map(|c| square(b[c])).sum::<f64>(),
+                    )
+                });
             println!("{name}_{suffix}: flux ratio {ratio:.4}, relative L2 {:.4}", f64::sqrt(error / energy));
             // env_hard: the expected flux itself is 0.5 % below the sum over the map's pixels (8.7442 8.7163 8.9720 W).
             let allowed = if name == "env_hard" { 0.008 } else { 0.005 };
@@ -162,6 +172,9 @@ fn the_squares_of_a_position_add_up_to_its_white_frame() {
         let trusted: Vec<bool> =
             white.visibility.iter().map(|seen| *seen != relumine::radiometry::Visibility::Clipped).collect();
         let found = difference(&sum, &scaled, Some(&trusted), false).unwrap();
-        assert!(found.relative_l2 < 1e-3 && (found.ratio_of_means - 1.0).abs() < 1e-3, "position {position}: {found:?}");
+        assert!(
+            found.relative_l2 < 1e-3 && (found.ratio_of_means - 1.0).abs() < 1e-3,
+            "position {position}: {found:?}"
+        );
     }
 }

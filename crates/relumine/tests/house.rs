@@ -41,7 +41,9 @@ fn reality() -> BTreeMap<String, BTreeSet<String>> {
                 .as_array()
                 .unwrap()
                 .iter()
-                .filter(|dependency| dependency["kind"].is_null() && dependency["name"].as_str().unwrap().starts_with("relumine"))
+                .filter(|dependency| {
+                    dependency["kind"].is_null() && dependency["name"].as_str().unwrap().starts_with("relumine")
+                })
                 .map(|dependency| room(dependency["name"].as_str().unwrap()))
                 .collect();
             (room(package["name"].as_str().unwrap()), uses)
@@ -52,7 +54,11 @@ fn reality() -> BTreeMap<String, BTreeSet<String>> {
 #[test]
 fn every_room_uses_only_the_rooms_that_the_architecture_allows() {
     let (law, reality) = (law(), reality());
-    assert_eq!(law.keys().collect::<Vec<_>>(), reality.keys().collect::<Vec<_>>(), "rooms in ARCHITECTURE.md and in cargo");
+    assert_eq!(
+        law.keys().collect::<Vec<_>>(),
+        reality.keys().collect::<Vec<_>>(),
+        "rooms in ARCHITECTURE.md and in cargo"
+    );
     for (room, uses) in &reality {
         assert_eq!(uses, &law[room], "{room}: what Cargo.toml says (left) and what ARCHITECTURE.md says (right)");
     }
@@ -70,7 +76,8 @@ fn no_room_stands_on_one_above_it() {
         .map(|line| line.split('→').next().unwrap().split_whitespace().last().unwrap())
         .collect();
     for (room, uses) in law() {
-        let place = |name: &str| order.iter().position(|other| *other == name).unwrap_or_else(|| panic!("{name} has no line"));
+        let place =
+            |name: &str| order.iter().position(|other| *other == name).unwrap_or_else(|| panic!("{name} has no line"));
         for below in &uses {
             assert!(place(below) > place(&room), "{room} uses {below}, which stands above it");
         }

@@ -47,10 +47,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image<Linear>, Fault> {
     let mut canvas = Canvas::new(header, channels);
     // Blocks unpack side by side, a batch at a time, and land in the order of the file: no thread changes the result.
     for batch in blocks.chunks((BATCH_BYTES / block_bytes.max(1)).clamp(1, 1024)) {
-        let unpacked: Vec<_> = batch
-            .par_iter()
-            .map(|block| unpack(block, &meta, part))
-            .collect::<Result<_, _>>()?;
+        let unpacked: Vec<_> = batch.par_iter().map(|block| unpack(block, &meta, part)).collect::<Result<_, _>>()?;
         for block in &unpacked {
             canvas.place(block);
         }
@@ -207,7 +204,8 @@ impl Block<'_> {
 /// Follows the offset table of `part` to its blocks of the largest resolution: each once, none missing.
 fn find_blocks<'a>(bytes: &'a [u8], tables: usize, meta: &MetaData, part: usize) -> Result<Vec<Block<'a>>, Fault> {
     // The tables of all parts stand one after the other, 8 bytes an entry.
-    let entries_before = meta.headers[..part].iter().try_fold(0_usize, |sum, header| sum.checked_add(header.chunk_count));
+    let entries_before =
+        meta.headers[..part].iter().try_fold(0_usize, |sum, header| sum.checked_add(header.chunk_count));
     let header = &meta.headers[part];
     let table = entries_before
         .and_then(|before| tables.checked_add(before.checked_mul(8)?))

@@ -26,20 +26,16 @@ mod write;
 
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-pub(crate) use tests::samples_all;
 
 pub use atomic::write_atomically;
 pub use error::FileError;
 pub use exr_header::read_exr_attribute;
 pub use exr_write::{ExrSample, write_exr};
+use picture::Format;
 pub use picture::{Picture, decode_picture, read_linear, read_picture};
 pub use rgbe::write_hdr;
-use picture::Format;
 pub use write::{encode_png_counts, write_png_counts, write_png8, write_png16, write_tiff16};
 
 /// The largest picture a file may announce: 2²⁸ pixels, 16384 × 16384, which is 3 GiB as [`Image`](crate::Image) of
 /// floats. Checked in the header, before pixels are allocated.
 pub const MAX_PIXELS: usize = 1 << 28;
-
-

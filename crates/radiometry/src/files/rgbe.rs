@@ -206,7 +206,8 @@ impl Input<'_> {
         while !rest.is_empty() {
             let [code] = self.take()?;
             let count = usize::from(if code > 128 { code - 128 } else { code });
-            let (target, after) = rest.split_at_mut_checked(count).ok_or_else(|| Fault::damaged("a run past its row"))?;
+            let (target, after) =
+                rest.split_at_mut_checked(count).ok_or_else(|| Fault::damaged("a run past its row"))?;
             if code > 128 {
                 let [value] = self.take()?;
                 target.iter_mut().for_each(|rgbe| rgbe[component] = value);

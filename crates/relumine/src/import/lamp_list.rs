@@ -85,9 +85,9 @@ impl LampList {
         let mut list = Building::new(path);
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
         let announced = lines.next().map(|(_, line)| line.trim().trim_start_matches('\u{feff}')).unwrap_or_default();
-        let announced: usize = announced.parse().map_err(|_| {
-            list.error(1, format!("expected the number of photographs, found \"{announced}\""))
-        })?;
+        let announced: usize = announced
+            .parse()
+            .map_err(|_| list.error(1, format!("expected the number of photographs, found \"{announced}\"")))?;
         for (index, line) in lines {
             let line = line.trim();
             // Names may have blanks in them: the direction is the last three words.
@@ -164,14 +164,18 @@ impl LampList {
         {
             if let Some(count) = count.filter(|count| *count != directions.len()) {
                 let found = directions.len();
-                return Err(list.error(found.min(count) + 1, format!("{found} directions, but {count} lines in {other}")));
+                return Err(
+                    list.error(found.min(count) + 1, format!("{found} directions, but {count} lines in {other}"))
+                );
             }
         }
         for (index, (direction, name)) in directions.iter().zip(&names).enumerate() {
             let triple = |text: &str| -> Result<[f64; 3], Error> {
                 let words: Vec<&str> = text.split_whitespace().collect();
                 let numbers = list.numbers(index + 1, &words)?;
-                numbers.try_into().map_err(|_| list.error(index + 1, format!("expected three numbers, found \"{text}\"")))
+                numbers
+                    .try_into()
+                    .map_err(|_| list.error(index + 1, format!("expected three numbers, found \"{text}\"")))
             };
             let irradiance = match &intensities {
                 Some(intensities) => triple(&intensities[index])?,

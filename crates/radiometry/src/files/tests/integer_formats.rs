@@ -9,7 +9,10 @@ use super::{decode, decode_counts, decode_float};
 #[test]
 fn grey_of_few_bits_is_stretched_to_eight() {
     // 2 bits: 0, 1, 2, 3 in one byte.
-    assert_eq!(decode_counts(&png((4, 1), 2, 0, &[], &[&[0b00_01_10_11]]), 8).pixels(), [0, 85, 170, 255].map(|v| [v; 3]));
+    assert_eq!(
+        decode_counts(&png((4, 1), 2, 0, &[], &[&[0b00_01_10_11]]), 8).pixels(),
+        [0, 85, 170, 255].map(|v| [v; 3])
+    );
     assert_eq!(decode_counts(&png((3, 1), 1, 0, &[], &[&[0b1010_0000]]), 8).pixels(), [255, 0, 255].map(|v| [v; 3]));
     assert_eq!(decode_counts(&png((2, 1), 4, 0, &[], &[&[0x1f]]), 8).pixels(), [17, 255].map(|v| [v; 3]));
 }

@@ -10,7 +10,6 @@ mod round_trips;
 mod samples;
 
 use std::path::Path;
-pub(crate) fn samples_all() -> Vec<(String, Vec<u8>)> { samples::all() }
 
 use super::{FileError, Picture, decode_picture};
 use crate::{Counts, Image, Linear};

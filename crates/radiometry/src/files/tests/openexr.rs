@@ -3,9 +3,9 @@
 use std::io::Cursor;
 
 use exr::image::write::WritableImage;
-use exr::image::{AnyChannels, Blocks, FlatSamples, Image as ExrImage, Layer, Layers};
+use exr::image::{AnyChannels, Blocks, FlatSamples, Image as ExrImage, Layer};
 use exr::math::Vec2;
-use exr::meta::attribute::{Compression, IntegerBounds, Text};
+use exr::meta::attribute::{Compression, IntegerBounds};
 use exr::meta::header::{ImageAttributes, LayerAttributes};
 
 use super::super::FileError;
@@ -48,14 +48,19 @@ fn lossy_compressions_are_near() {
 
 #[test]
 fn luminance_alone_is_grey_and_integers_are_numbers() {
-    let file = exr_file((3, 2), rows(), vec![("Y", integers((3, 2), |x, y| (10 * y + x) as u32)), ("Z", floats((3, 2), |_, _| 9.0))]);
+    let file = exr_file(
+        (3, 2),
+        rows(),
+        vec![("Y", integers((3, 2), |x, y| (10 * y + x) as u32)), ("Z", floats((3, 2), |_, _| 9.0))],
+    );
     assert_eq!(decode_float(&file).pixels(), [0.0, 1.0, 2.0, 10.0, 11.0, 12.0].map(|grey| [grey; 3]));
 }
 
 #[test]
 fn a_named_layer_is_read_where_there_is_no_plain_one() {
     let value = |value: f32| floats((2, 2), move |_, _| value);
-    let layer = vec![("diffuse.R", value(1.0)), ("diffuse.G", value(2.0)), ("diffuse.B", value(3.0)), ("Z", value(9.0))];
+    let layer =
+        vec![("diffuse.R", value(1.0)), ("diffuse.G", value(2.0)), ("diffuse.B", value(3.0)), ("Z", value(9.0))];
     assert_eq!(decode_float(&exr_file((2, 2), rows(), layer.clone())).pixel(1, 1), [1.0, 2.0, 3.0]);
     let both = [layer, vec![("R", value(4.0)), ("G", value(5.0)), ("B", value(6.0))]].concat();
     assert_eq!(decode_float(&exr_file((2, 2), rows(), both)).pixel(1, 1), [4.0, 5.0, 6.0]);
@@ -87,22 +92,7 @@ fn of_several_resolutions_the_largest_is_read() {
 
 #[test]
 fn of_several_parts_the_first_with_colour_is_read() {
-    let part = |name: &str, channels| {
-        let attributes = LayerAttributes { layer_name: Some(Text::from(name)), ..LayerAttributes::default() };
-        samples::layer((5, 40), rows(), attributes, channels)
-    };
-    let value = |value: f32| floats((5, 40), move |_, y| value + y as f32);
-    let depth = part("depth", vec![("Z", value(9.0))]);
-    let first = part("first", vec![("R", value(1.0)), ("G", value(2.0)), ("B", value(3.0))]);
-    let second = part("second", vec![("R", value(4.0)), ("G", value(5.0)), ("B", value(6.0))]);
-    let layers: Layers<AnyChannels<FlatSamples>> = [depth, first, second].into_iter().collect();
-    let mut bytes = Cursor::new(Vec::new());
-    ExrImage::from_layers(ImageAttributes::with_size((5, 40)), layers)
-        .write()
-        .non_parallel()
-        .to_buffered(&mut bytes)
-        .unwrap();
-    let image = decode_float(&bytes.into_inner());
+    let image = decode_float(&samples::parts_exr((5, 40)));
     assert_eq!((image.pixel(0, 0), image.pixel(4, 39)), ([1.0, 2.0, 3.0], [40.0, 41.0, 42.0]));
 }
 
@@ -152,7 +142,8 @@ fn nan_is_found_and_named() {
     let file = exr_file(SIZE, rows(), vec![("R", red), ("G", halves(SIZE, |_, _| 1.0)), ("B", blue)]);
     let error = decode(&file).unwrap_err();
     assert!(matches!(error, FileError::NotFinite { x: 7, y: 11, channel: 'R', count: 15, .. }), "{error:?}");
-    let text = "in/test: every sample must be finite, but 15 are NaN or infinite, the first in channel R of pixel (7, 11)";
+    let text =
+        "in/test: every sample must be finite, but 15 are NaN or infinite, the first in channel R of pixel (7, 11)";
     assert_eq!(error.to_string(), text);
 }
 

@@ -52,7 +52,8 @@ fn photographs_are_eight_bit() {
 #[test]
 fn renderings_and_light_probes_are_floats_with_light_in_them() {
     let renderings = files("chess-capture", "exr");
-    let probes = ["env_debevec_small", "env_cc0_pmndrs", "hdr_memorial", "fisheye_office"].map(|name| files(name, "hdr"));
+    let probes =
+        ["env_debevec_small", "env_cc0_pmndrs", "hdr_memorial", "fisheye_office"].map(|name| files(name, "hdr"));
     for path in renderings.into_iter().chain(probes.into_iter().flatten()) {
         let Picture::Float(image) = read(&path) else { panic!("{}: not float", path.display()) };
         assert!(image.pixels().as_flattened().iter().any(|sample| *sample > 0.0), "{}: black", path.display());

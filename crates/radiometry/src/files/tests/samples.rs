@@ -3,10 +3,10 @@
 use std::io::Cursor;
 
 use exr::image::write::WritableImage;
-use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image as ExrImage, Layer, Levels};
+use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples, Image as ExrImage, Layer, Layers, Levels};
 use exr::math::{RoundingMode, Vec2};
-use exr::meta::attribute::{Compression, LineOrder};
-use exr::meta::header::LayerAttributes;
+use exr::meta::attribute::{Compression, LineOrder, Text};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
 use half::f16;
 use image::{DynamicImage, ImageFormat};
 
@@ -95,6 +95,23 @@ pub(super) fn mip_mapped_exr((width, height): (usize, usize)) -> Vec<u8> {
     bytes.into_inner()
 }
 
+/// Three parts: depth only, red 1 + y, green 2 + y, blue 3 + y, and something else in colour.
+pub(super) fn parts_exr(size: (usize, usize)) -> Vec<u8> {
+    let part = |name: &str, channels: &[(&'static str, f32)]| {
+        let attributes = LayerAttributes { layer_name: Some(Text::from(name)), ..LayerAttributes::default() };
+        let channels = channels.iter().map(|(name, value)| (*name, floats(size, |_, y| value + y as f32)));
+        layer(size, encoding(Compression::ZIP16, Blocks::ScanLines), attributes, channels.collect())
+    };
+    let depth = part("depth", &[("Z", 9.0)]);
+    let first = part("first", &[("R", 1.0), ("G", 2.0), ("B", 3.0)]);
+    let second = part("second", &[("R", 4.0), ("G", 5.0), ("B", 6.0)]);
+    let layers: Layers<AnyChannels<FlatSamples>> = [depth, first, second].into_iter().collect();
+    let mut bytes = Cursor::new(Vec::new());
+    let image = ExrImage::from_layers(ImageAttributes::with_size(size), layers);
+    image.write().non_parallel().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
+}
+
 pub(super) fn by_image_crate(image: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     image.into().write_to(&mut bytes, format).unwrap();
@@ -147,6 +164,7 @@ pub(super) fn all() -> Vec<(String, Vec<u8>)> {
     }
     let integer = vec![("Y", integers(size, |x, y| (x * y) as u32))];
     files.push(("exr integers".to_owned(), exr_file(size, encoding(Compression::PIZ, Blocks::ScanLines), integer)));
+    files.push(("exr parts".to_owned(), parts_exr(size)));
     files.push(("exr resolutions".to_owned(), mip_mapped_exr(size)));
 
     let grey = image::GrayImage::from_fn(13, 9, |x, y| image::Luma([(x * 19 + y) as u8]));
