@@ -30,7 +30,7 @@ def read_setup(capture):
 
 
 def cell_measure(setup):
-    """|Omega_i| for every cell: (positions, v, u), MATH.md `Measure, transfer, coefficients`."""
+    """|Omega_i| for every cell: (positions, v, u), docs/MATH.md `Measure, transfer, coefficients`."""
     hemi, m, h = setup["hemisphere"], setup["projector"]["squares"], setup["projector"]["half_width"]
     t = np.linspace(0, np.pi / 2, hemi["tilts"] + 1)
     ring = hemi["radius_m"] ** 2 * 2 * np.pi / hemi["azimuths"] * (np.cos(t[:-1]) - np.cos(t[1:]))

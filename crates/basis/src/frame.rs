@@ -28,7 +28,7 @@ impl Position {
         Self { azimuth, tilt }
     }
 
-    /// The unit vector e_r from the origin to the position.
+    /// The unit vector `e_r` from the origin to the position.
     pub fn direction(self) -> DVec3 {
         let (sin_tilt, cos_tilt) = self.tilt.sin_cos();
         let (sin_azimuth, cos_azimuth) = self.azimuth.sin_cos();
@@ -55,11 +55,11 @@ impl Position {
 /// The frame of a projector: right-handed, `right` × `up` = `outward`, which points away from the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProjectorFrame {
-    /// To the right as the projector sees the object, e_φ.
+    /// To the right as the projector sees the object, `e_φ`.
     pub right: DVec3,
-    /// Upward as the projector sees the object, −e_θ.
+    /// Upward as the projector sees the object, −`e_θ`.
     pub up: DVec3,
-    /// From the object to the projector, e_r.
+    /// From the object to the projector, `e_r`.
     pub outward: DVec3,
 }
 

@@ -56,7 +56,7 @@ impl Between {
 
 enum Patches {
     Grid { azimuths: usize, tilts: usize },
-    Voronoi { triangulation: Triangulation, regions: Vec<VoronoiRegion> },
+    Voronoi { triangulation: Box<Triangulation>, regions: Vec<VoronoiRegion> },
 }
 
 /// The upper hemisphere divided among positions: patches that do not overlap and leave nothing out (eq. 2).
@@ -85,7 +85,7 @@ impl Partition {
     }
 
     fn grid(azimuths: usize, tilts: usize) -> Result<Self, BasisError> {
-        let count = azimuths.checked_mul(tilts).unwrap_or(usize::MAX);
+        let count = azimuths.saturating_mul(tilts);
         if !(1..=Self::MAX_POSITIONS).contains(&count) {
             return Err(BasisError::OutOfRange {
                 name: "azimuths × tilts",
@@ -133,7 +133,7 @@ impl Partition {
         }
         let sites: Vec<DVec3> = positions.iter().map(|position| position.direction()).collect();
         let regions = spherical::hemisphere_voronoi(&sites)?;
-        let triangulation = Triangulation::new(&sites)?;
+        let triangulation = Box::new(Triangulation::new(&sites)?);
         Ok(Self {
             solid_angles: regions.iter().map(VoronoiRegion::area).collect(),
             layout: Layout::List(positions.clone()),

@@ -1,5 +1,7 @@
 //! Every mapping is sent home again, and measures add up to what geometry says.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;

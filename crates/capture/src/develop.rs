@@ -1,4 +1,4 @@
-//! Photographs of one position → the transfer of its squares, Rᵢ = Sᵢ · |Ωᵢ| / Φ_square (eq. 5, DESIGN.md §3).
+//! Photographs of one position → the transfer of its squares, Rᵢ = Sᵢ · |Ωᵢ| / Φ_square (eq. 5, docs/MATH.md).
 
 use std::fmt;
 use std::fs;

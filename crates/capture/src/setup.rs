@@ -226,7 +226,7 @@ impl Setup {
         }
     }
 
-    /// Φ_square = I₀ (2h/M)² · square_flux, W per unit of projected white (DESIGN.md §3).
+    /// Φ_square = I₀ (2h/M)² · square_flux, W per unit of projected white (docs/MATH.md).
     pub fn square_flux(&self, u: usize, v: usize) -> f64 {
         let Reach::Near { pattern, .. } = self.cells.reach() else { return self.intensity_w_sr };
         let side = 2.0 * pattern.half_width() / pattern.squares() as f64;

@@ -97,7 +97,7 @@ fn try_setup(text: &str) -> Result<(), String> {
 fn try_table(text: &[u8]) {
     match Photographs::parse(Path::new("photographs.csv"), text) {
         Ok(photographs) => {
-            assert_eq!(photographs.is_empty(), photographs.len() == 0);
+            assert_eq!(photographs.is_empty(), photographs.rows.is_empty());
             for ((_, pattern), rows) in &photographs.rows {
                 assert_eq!(pattern.to_string().parse(), Ok(*pattern));
                 assert!(!rows.is_empty());

@@ -171,25 +171,37 @@ impl FieldWriter {
         let square_meters = if matches!(self.header.lamps, crate::Lamps::Distant { .. }) { "sr" } else { "m² sr" };
         self.write_array(
             zarr::DIRECTION,
-            zarr::array("float64", &[positions, 2], &[positions, 2], &["position", "angle"], "azimuth, tilt [degrees]"),
+            &zarr::array(
+                "float64",
+                &[positions, 2],
+                &[positions, 2],
+                &["position", "angle"],
+                "azimuth, tilt [degrees]",
+            ),
             "c/0/0",
-            &bytes(&directions, |value| value.to_le_bytes()),
+            &bytes(&directions, f64::to_le_bytes),
         )?;
         self.write_array(
             zarr::MEASURE,
-            zarr::array("float64", &cells, &cells, &names, &format!("measure of the cell |Omega_i| [{square_meters}]")),
+            &zarr::array(
+                "float64",
+                &cells,
+                &cells,
+                &names,
+                &format!("measure of the cell |Omega_i| [{square_meters}]"),
+            ),
             "c/0/0/0",
-            &bytes(&measures, |value| value.to_le_bytes()),
+            &bytes(&measures, f64::to_le_bytes),
         )?;
         self.write_array(
             zarr::SCALE,
-            zarr::array("float32", &[positions], &[positions], &names[..1], "transfer per stored unit"),
+            &zarr::array("float32", &[positions], &[positions], &names[..1], "transfer per stored unit"),
             "c/0",
-            &bytes(&scales, |value| value.to_le_bytes()),
+            &bytes(&scales, f32::to_le_bytes),
         )?;
         self.write_array(
             zarr::PRESENT,
-            zarr::array("uint8", &cells, &cells, &names, "1 where the cell was photographed, 0 where it is missing"),
+            &zarr::array("uint8", &cells, &cells, &names, "1 where the cell was photographed, 0 where it is missing"),
             "c/0/0/0",
             &present,
         )?;
@@ -228,11 +240,11 @@ impl FieldWriter {
     fn write_array(
         &self,
         name: &str,
-        metadata: serde_json::Value,
+        metadata: &serde_json::Value,
         chunk: &str,
         bytes: &[u8],
     ) -> Result<(), FieldError> {
-        self.write_json(&format!("{name}/zarr.json"), &metadata)?;
+        self.write_json(&format!("{name}/zarr.json"), metadata)?;
         self.write_chunk(&format!("{name}/{chunk}"), bytes)
     }
 

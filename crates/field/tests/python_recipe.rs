@@ -2,6 +2,8 @@
 //!
 //! It needs Python with `zarr` 3 and `numpy`: the program named by RELUMINE_PYTHON, or `python3`. `scripts/test` installs them.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::path::Path;
 use std::process::Command;
 

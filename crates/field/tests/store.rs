@@ -1,5 +1,7 @@
 //! What is written is read back, resumed where it stopped, and never silently damaged.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,5 @@
 //! Light to relight with: any light description projected on the cells (paper, §4.3), lᵢ = Φᵢ / |Ωᵢ|, with Φᵢ the flux of
-//! the light through cell i (DESIGN.md §3).
+//! the light through cell i (docs/MATH.md).
 //!
 //! Lamps are projected *from the source*: rays that carry their flux are drawn, followed back to the hemisphere, and
 //! counted in the cell they came through; so point lights, spots and suns, which are deltas in angle or space, need no
@@ -16,7 +16,7 @@ mod source_rays;
 
 pub use project::{Lost, Options, Projected, project};
 
-/// How a ray between positions is shared among them (MATH.md, "Reconstruction between positions").
+/// How a ray between positions is shared among them (docs/MATH.md, "Between positions").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reconstruction {
     /// All to the position whose patch it enters: the paper's box basis. The beam is turned by up to half a patch.

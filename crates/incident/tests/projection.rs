@@ -1,5 +1,7 @@
 //! Claims about light on cells.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::path::Path;
 
 use relumine_basis::{Cell, Cells, Layout, Partition, Pattern, Position, Reach};

@@ -27,7 +27,7 @@ pub struct Light {
 pub struct Mosaic {
     /// The file, for messages.
     pub path: PathBuf,
-    /// The coefficients, laid out as DESIGN.md §2 says.
+    /// The coefficients, laid out as FORMAT.md says.
     pub pixels: Image<Radiance>,
 }
 

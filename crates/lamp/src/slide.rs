@@ -5,7 +5,7 @@ use relumine_radiometry::{Image, Radiance};
 
 use crate::{Placement, Ray};
 
-/// A slide projector. Its intensity where the picture is white is I₀/cos³a, a the angle from the axis (MATH.md).
+/// A slide projector. Its intensity where the picture is white is I₀/cos³a, a the angle from the axis (docs/MATH.md).
 #[derive(Clone, Debug)]
 pub struct Slide {
     position: DVec3,

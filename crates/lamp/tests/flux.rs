@@ -1,5 +1,7 @@
 //! What a lamp shoots is what arrives: each claim compares the rays that carry a lamp's flux with what it does at a point.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use glam::DVec3;
 use relumine_lamp::{Lamp, Light};
 use std::path::Path;

@@ -86,9 +86,7 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
     /// # Errors
     /// If the field cannot be read.
     pub fn run(mut self) -> Result<Vec<Image<Radiance>>, RelightError> {
-        while let Some(step) = self.next() {
-            step?;
-        }
+        self.by_ref().collect::<Result<(), RelightError>>()?;
         Ok(self.pictures)
     }
 

@@ -1,5 +1,7 @@
 //! The fast sum against the plain one, and what a sum must be: linear, the same on any number of threads.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::path::Path;
 
 use half::f16;

@@ -1,4 +1,4 @@
-//! One-light-at-a-time and RTI photographs → a far field: one cell a lamp, Rᵢ = Sᵢ·|Ωᵢ|/Eᵢ (DESIGN.md §3).
+//! One-light-at-a-time and RTI photographs → a far field: one cell a lamp, Rᵢ = Sᵢ·|Ωᵢ|/Eᵢ (docs/MATH.md).
 
 mod lamp_list;
 

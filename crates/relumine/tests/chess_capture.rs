@@ -2,6 +2,8 @@
 //!
 //! The capture lies beside the project, in `../shared/data`; without it these tests say so and pass.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::path::{Path, PathBuf};
 
 use relumine::radiometry::files::{self, Picture};

@@ -1,5 +1,7 @@
 //! The dependency block of ARCHITECTURE.md is the law: each room uses only the rooms that its line names.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;

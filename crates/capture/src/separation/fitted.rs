@@ -1,4 +1,4 @@
-//! The refined separation: iterative proportional fitting of the minimum to every photograph (MATH.md).
+//! The refined separation: iterative proportional fitting of the minimum to every photograph (docs/MATH.md).
 //!
 //! Per lane, the squares of row comb (v, k) must add to its photograph, and so must those of column comb (u, k'). Row comb
 //! (v, k) and column comb (u, k') share a square only if u ≡ k and v ≡ k': the M × M squares fall into spacing² *blocks*
@@ -16,7 +16,7 @@ use super::{Combs, separate_minimum};
 
 /// Sweeps stop when every row of the block is within this share of the block's total. Halves round to 5·10⁻⁴.
 const TOLERANCE: f32 = 1e-4;
-/// Sweeps at most (MATH.md: about 30).
+/// Sweeps at most; most blocks need fewer than ten.
 const SWEEPS: usize = 30;
 
 /// Separates by fitting; squares whose comb was not taken become zero, and blocks that lack a photograph keep the minimum.

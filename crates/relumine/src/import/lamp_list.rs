@@ -234,7 +234,7 @@ impl Building {
         if !(length > 1e-6 && length.is_finite()) {
             return Err(self.error(line, format!("a direction of length {length} points nowhere")));
         }
-        if irradiance.iter().any(|component| !(*component > 0.0)) {
+        if irradiance.iter().any(|component| component.is_nan() || *component <= 0.0) {
             return Err(self.error(line, format!("irradiance must be above 0, found {irradiance:?}")));
         }
         // Two lamps at one place share nothing but the place: which photograph should it be?
