@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use relumine::{ReflectanceField, Relighting};
 use support::studio::{Plan, Studio, exr_bytes, write_exr};
-use support::{Numbers, assert_same_tree, flip_bit, leavings, read, relative_l2, relumine, shown};
+use support::{Numbers, assert_same_tree, flip_bit, leavings, read, relative_l2, relumine, shown, tree};
 
 /// A field, and the shard of one of its positions.
 fn field_and_shard() -> (Studio, PathBuf, PathBuf) {
@@ -239,6 +239,19 @@ fn an_output_that_exists_is_refused_and_stays_as_it_was() {
 
     relumine!["relight", &field, "--light", &sky, "-o", &picture, "--force"].succeeds();
     assert_eq!(read(&picture).size(), (20, 12));
+}
+
+#[test]
+fn only_a_field_is_replaced_by_a_field() {
+    let studio = Studio::new(&Plan::default());
+    let capture = studio.capture();
+    let before = tree(&capture);
+    // One wrong word must not cost the photographs.
+    for output in [&capture, &capture.join("photographs")] {
+        let run = relumine!["develop", &capture, "-o", output, "--force"];
+        assert!(run.code != Some(0) && run.stderr.contains(&shown(output)), "{run:#?}");
+        assert!(tree(&capture) == before, "the capture has changed");
+    }
 }
 
 #[test]

@@ -235,3 +235,18 @@ fn a_photograph_that_is_found_again_is_developed() {
     fs::rename(studio.path("elsewhere.png"), &lost).unwrap();
     finishes_as_if_nothing_had_been(&studio, &field, &[]);
 }
+
+#[test]
+fn a_field_that_another_process_is_writing_is_left_to_it() {
+    let studio = studio();
+    let field = studio.path("a.field");
+    all_but_finished(&studio, &field);
+    let partial = field.with_extension("field.partial");
+    let lock = fs::File::options().write(true).open(partial.join("lock")).unwrap();
+    lock.lock().unwrap();
+    let run = studio.develop(&field).fails(1, &[&shown(&partial), "another process"]);
+    assert!(!run.stderr.contains("space"), "the disk is not full: {run:#?}");
+    assert!(!field.exists());
+    drop(lock);
+    finishes_as_if_nothing_had_been(&studio, &field, &[]);
+}

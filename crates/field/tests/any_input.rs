@@ -119,12 +119,12 @@ fn check(path: &Path, name: &str, what: &str) {
 
 /// The same cases every time.
 fn seeded(cases: u32) -> ProptestConfig {
-    let rng_seed = proptest::test_runner::RngSeed::Fixed(77);
+    let rng_seed = proptest::test_runner::RngSeed::Fixed(2003);
     ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
 }
 
 proptest! {
-    #![proptest_config(seeded(3000))]
+    #![proptest_config(seeded(400))]
 
     #[test]
     fn a_flipped_bit_is_never_silent(file in any::<Index>(), at in any::<Index>(), bit in 0..8_u8) {
