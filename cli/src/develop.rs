@@ -45,6 +45,9 @@ enum SeparationArgument {
 }
 
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
+    if let Some(b) = arguments.black_level.filter(|b| !(0.0..1.0).contains(b)) {
+        return Err(Failure::usage(format!("--black-level must be at least 0 and below 1, but is {b}")));
+    }
     refuse_existing(&arguments.output, arguments.force)?;
     let options = DevelopOptions {
         separation: match arguments.separation {

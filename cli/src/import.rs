@@ -71,5 +71,6 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         arguments.source.display(),
         losses.len(),
         arguments.output.display()
-    )))
+    ))
+    .with_hint("the field can be relit; `relumine inspect` lists every loss"))
 }

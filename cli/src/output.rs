@@ -45,7 +45,8 @@ pub(crate) fn refuse_existing(path: &Path, force: bool) -> Result<(), Failure> {
     }
     match path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         Some(folder) if !folder.is_dir() => {
-            Err(Failure::failed(format!("{}: the folder {} is not there", path.display(), folder.display())))
+            Err(Failure::failed(format!("{}: the folder {} is not there", path.display(), folder.display()))
+                .with_hint("make it, or choose another name"))
         }
         _ => Ok(()),
     }

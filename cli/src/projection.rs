@@ -58,7 +58,7 @@ enum Kind {
 impl ProjectionArguments {
     /// Reads a light and projects it, saying what a person should know.
     pub(crate) fn project(&self, light: &Path, cells: &Cells, talk: &Talk) -> Result<Projected, Failure> {
-        if self.object_radius.is_some_and(|radius| !(radius > 0.0)) {
+        if self.object_radius.is_some_and(|radius| radius.is_nan() || radius <= 0.0) {
             return Err(Failure::usage("--object-radius must be above 0"));
         }
         if self.samples == 0 || self.samples > 1 << 32 {

@@ -51,14 +51,12 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     }
     let field = ReflectanceField::open(&arguments.field)?;
     let mut coefficients = Vec::with_capacity(lights.len());
+    let mut incomplete = Vec::new();
     for light in lights {
         let projected = arguments.projection.project(light, field.cells(), talk)?;
         let missing = missing_share(&field, &projected.coefficients);
         if missing > 0.0 {
-            talk.say(format!(
-                "  {:.2} % of it falls on squares that are missing from the field and is not shown",
-                100.0 * missing
-            ));
+            incomplete.push(format!("{:.2} % of {}", 100.0 * missing, light.display()));
         }
         coefficients.push(projected.coefficients);
     }
@@ -72,5 +70,13 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     for (output, picture) in outputs.iter().zip(relighting.pictures()) {
         write_picture(output, &picture, &arguments.display)?;
     }
-    Ok(())
+    if incomplete.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::incomplete(format!(
+        "{}: squares are missing from the field; the pictures are written, but they do not show {}",
+        arguments.field.display(),
+        incomplete.join(", ")
+    ))
+    .with_hint("`relumine inspect` lists what is missing and why"))
 }

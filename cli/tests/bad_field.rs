@@ -1,5 +1,7 @@
 //! Damaged fields and lights, and outputs that cannot be: nothing is shown that was not measured, nothing is overwritten.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 mod support;
 
 use std::fs;

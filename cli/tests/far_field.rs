@@ -1,5 +1,7 @@
 //! Photographs under distant lamps: what was photographed comes back when the lamp shines again.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 mod support;
 
 use std::f64::consts::PI;

@@ -1,5 +1,7 @@
 //! Claims about the world, held against what can be computed on paper: through the command, from photographs to pictures.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 mod support;
 
 use std::f64::consts::PI;

@@ -38,10 +38,24 @@ pub(super) fn inspect(path: &Path) -> Result<(), Failure> {
             line("residual", format!("{name:<9} mean {:.3}, worst {:.3}", 100.0 * mean, 100.0 * worst))?;
         }
     }
-    let noise: Vec<f64> = reports.iter().filter_map(|report| report.noise).collect();
-    if !noise.is_empty() {
-        let mean = noise.iter().sum::<f64>() / noise.len() as f64;
-        line("noise", format!("{mean:.3e} radiance, mean over positions, one photograph"))?;
+    line("per position", "azimuth°  tilt°  black %  combs %  white %  noise     clipped  missing".into())?;
+    for (record, report) in field.records().iter().zip(&reports) {
+        let position = cells.partition().positions()[record.position];
+        let percent = |value: Option<f64>| value.map_or("–".into(), |value| format!("{:.3}", 100.0 * value));
+        line(
+            &format!("{:>12}", record.position),
+            format!(
+                "{:>8.2} {:>6.2} {:>8} {:>8} {:>8}  {:<9} {:>7} {:>8}",
+                position.azimuth.to_degrees(),
+                position.tilt.to_degrees(),
+                percent(report.black_level),
+                percent(report.residual_combs),
+                percent(report.residual_white),
+                report.noise.map_or("–".into(), |noise| format!("{noise:.2e}")),
+                report.clipped_pixels,
+                record.missing.len()
+            ),
+        )?;
     }
     let missing: usize = field.records().iter().map(|record| record.missing.len()).sum();
     line("missing", format!("{missing} of {} cells", cells.len()))?;

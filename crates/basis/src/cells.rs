@@ -62,14 +62,14 @@ impl Cells {
     /// The cells of `partition` with a hemisphere at `reach`.
     ///
     /// # Errors
-    /// If the radius is not positive and finite, or there are more than 2²⁶ cells.
+    /// If the radius is not between a micrometre and a thousand kilometres, or there are more than 2²⁶ cells.
     pub fn new(partition: Partition, reach: Reach) -> Result<Self, BasisError> {
         if let Reach::Near { radius_m, .. } = reach
-            && !(radius_m > 0.0 && radius_m.is_finite())
+            && !(1e-6..=1e6).contains(&radius_m)
         {
             return Err(BasisError::OutOfRange {
                 name: "radius_m",
-                expected: "a positive number of metres",
+                expected: "0.000001 to 1000000 metres",
                 found: radius_m.to_string(),
             });
         }

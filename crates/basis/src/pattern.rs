@@ -16,15 +16,15 @@ impl Pattern {
     /// M = `squares` a side over a pattern of `half_width` h, the tangent of half the angle it spans.
     ///
     /// # Errors
-    /// If M is not in 1 ..= 1024, or h not positive and finite (at most 10).
+    /// If M is not in 1 ..= 1024, or h not in 10⁻⁶ ..= 10.
     pub fn new(squares: usize, half_width: f64) -> Result<Self, BasisError> {
         if !(1..=Self::MAX_SQUARES).contains(&squares) {
             return Err(BasisError::OutOfRange { name: "squares", expected: "1 to 1024", found: squares.to_string() });
         }
-        if !(half_width > 0.0 && half_width <= 10.0) {
+        if !(1e-6..=10.0).contains(&half_width) {
             return Err(BasisError::OutOfRange {
                 name: "half_width",
-                expected: "the tangent of half the pattern's angle, above 0 and at most 10",
+                expected: "the tangent of half the pattern's angle, 0.000001 to 10",
                 found: half_width.to_string(),
             });
         }

@@ -52,7 +52,8 @@ impl FromStr for ShownPattern {
         let fail = || format!("expected black, white, row-V-K, column-U-K or square-U-V as pattern, found \"{text}\"");
         let mut parts = text.split('-');
         let name = parts.next().unwrap_or_default();
-        let numbers: Vec<usize> = parts.map(str::parse).collect::<Result<_, _>>().map_err(|_| fail())?;
+        let number = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit()).then(|| part.parse().ok())?;
+        let numbers: Vec<usize> = parts.map(number).collect::<Option<_>>().ok_or_else(fail)?;
         match (name, numbers.as_slice()) {
             ("black", []) => Ok(Self::Black),
             ("white", []) => Ok(Self::White),
@@ -139,7 +140,7 @@ mod tests {
                 assert!(scheme.contains(pattern, 8));
             }
         }
-        for wrong in ["", "grey", "row-1", "row-1-2-3", "row--1-2", "square-a-1", "Black"] {
+        for wrong in ["", "grey", "row-1", "row-1-2-3", "row--1-2", "row-+1-2", "square-a-1", "Black"] {
             assert!(wrong.parse::<ShownPattern>().is_err(), "{wrong}");
         }
     }

@@ -1,6 +1,7 @@
 //! `photographs.csv`: what was taken, one row a photograph, read while it grows (FORMAT.md §1).
 
-use std::collections::BTreeMap;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Component, Path, PathBuf};
@@ -33,6 +34,9 @@ pub struct Photographs {
     pub torn_line: Option<u64>,
 }
 
+/// Where each exposure of a pattern stands among its exposures, while the table is read.
+type Places = HashMap<(usize, ShownPattern, u64, Option<[u64; 2]>), usize>;
+
 /// Longer lines are refused, so that a file without newlines does not fill the memory.
 const LONGEST_LINE: u64 = 64 << 10;
 
@@ -62,6 +66,7 @@ impl Photographs {
     fn from_lines(path: &Path, mut text: impl BufRead) -> Result<Self, CaptureError> {
         let fail = |line: u64, reason: String| CaptureError::Row { path: path.to_path_buf(), line, reason };
         let mut table = Self::default();
+        let mut places = Places::new();
         let mut header_seen = false;
         let mut gains = None;
         let mut any_sha256 = false;
@@ -103,7 +108,7 @@ impl Photographs {
                 return Err(fail(line, "iso and f_number must be given in every row or in none".into()));
             }
             any_sha256 |= row.sha256.is_some();
-            table.insert(position, pattern, row);
+            table.insert(&mut places, position, pattern, row);
         }
         if !header_seen {
             return Err(fail(1, format!("expected the header \"{}\", found nothing", COLUMNS.join(","))));
@@ -114,14 +119,19 @@ impl Photographs {
         Ok(table)
     }
 
-    fn insert(&mut self, position: usize, pattern: ShownPattern, row: PhotographRow) {
+    fn insert(&mut self, places: &mut Places, position: usize, pattern: ShownPattern, row: PhotographRow) {
         let exposures = self.rows.entry((position, pattern)).or_default();
-        match exposures.iter_mut().find(|earlier| earlier.exposure == row.exposure) {
-            Some(earlier) => {
+        let gain = row.exposure.gain.map(|gain| [gain.iso.to_bits(), gain.f_number.to_bits()]);
+        match places.entry((position, pattern, row.exposure.exposure_s.to_bits(), gain)) {
+            Entry::Occupied(place) => {
+                let earlier = &mut exposures[*place.get()];
                 self.replaced.push((earlier.line, row.line));
                 *earlier = row;
             }
-            None => exposures.push(row),
+            Entry::Vacant(place) => {
+                place.insert(exposures.len());
+                exposures.push(row);
+            }
         }
     }
 

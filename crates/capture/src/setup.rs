@@ -1,6 +1,7 @@
 //! `capture.toml`: what was set up (FORMAT.md §1, contract version 1).
 
-use std::path::Path;
+use std::ops::RangeInclusive;
+use std::path::{Component, Path};
 
 use relumine_basis::{BasisError, Cell, Cells, Layout, Partition, Pattern, Position, Reach};
 use relumine_radiometry::{Linearization, Response, ResponseCurve, parse_toml, read_text};
@@ -94,6 +95,9 @@ fn sixteen_bits() -> u16 {
     u16::MAX
 }
 
+/// Intensities and fluxes beyond this are no light that a camera sees, and their ratios leave the range of numbers.
+const FLUX_RANGE: RangeInclusive<f64> = 1e-12..=1e12;
+
 impl Setup {
     /// The `format` line of this version.
     pub const FORMAT: &'static str = "relumine-capture/1";
@@ -160,8 +164,8 @@ impl Setup {
             return Err(fail(format!("camera: black_level {black_level} must be below white_level {white_level}")));
         }
         let intensity_w_sr = text.projector.intensity_w_sr;
-        if !(intensity_w_sr > 0.0 && intensity_w_sr.is_finite()) {
-            return Err(fail(format!("projector: intensity_w_sr must be above 0, but is {intensity_w_sr}")));
+        if !FLUX_RANGE.contains(&intensity_w_sr) {
+            return Err(fail(format!("projector: intensity_w_sr must be 1e-12 to 1e12, but is {intensity_w_sr}")));
         }
         Ok(Self {
             title: text.title,
@@ -245,8 +249,8 @@ fn square_flux(rows: Option<Vec<Vec<f64>>>, squares: usize) -> Result<Vec<f64>, 
         return Err(format!("projector: square_flux must have {squares} rows of {squares} numbers"));
     }
     let flux: Vec<f64> = rows.into_iter().flatten().collect();
-    match flux.iter().find(|value| !(**value > 0.0 && value.is_finite())) {
-        Some(wrong) => Err(format!("projector: square_flux must be above 0 everywhere, found {wrong}")),
+    match flux.iter().find(|value| !FLUX_RANGE.contains(*value)) {
+        Some(wrong) => Err(format!("projector: square_flux must be 1e-12 to 1e12 everywhere, found {wrong}")),
         None => Ok(flux),
     }
 }
@@ -256,6 +260,10 @@ fn read_response(setup: &Path, name: &str) -> Result<CameraResponse, CaptureErro
         "linear" => CameraResponse::Known(Response::Linear),
         "srgb" => CameraResponse::Known(Response::Srgb),
         "recover" => CameraResponse::Recover,
+        file if !Path::new(file).components().all(|part| matches!(part, Component::Normal(_))) => {
+            let reason = format!("camera: a response file must lie inside the capture directory, found \"{file}\"");
+            return Err(CaptureError::Setup { path: setup.to_path_buf(), reason });
+        }
         file => {
             let path = setup.parent().unwrap_or(Path::new("")).join(file);
             CameraResponse::Known(Response::Curve(ResponseCurve::parse(&path, &read_text(&path)?)?))

@@ -58,6 +58,12 @@ pub enum FieldError {
         /// The output.
         path: PathBuf,
     },
+    /// Another process writes the field.
+    #[error("{}: another process is writing this field", path.display())]
+    Busy {
+        /// The unfinished field.
+        path: PathBuf,
+    },
     /// An unfinished field that was made from something else.
     #[error(
         "{} is an unfinished field made from another input or with other options; remove it to start afresh",

@@ -1,5 +1,6 @@
 //! `checksums.b3`: the BLAKE3 digest of every file of a field, in the format of the `b3sum` program.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::fs::{self, File};
 use std::io;
@@ -7,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use relumine_radiometry::files::write_atomically;
+use relumine_radiometry::read_bounded;
 
 use crate::FieldError;
 
@@ -51,24 +53,54 @@ pub(crate) fn write(field: &Path) -> Result<(), FieldError> {
     Ok(())
 }
 
-/// Holds every file below `field` against the list.
-pub(crate) fn verify(field: &Path) -> Result<Vec<Damage>, FieldError> {
+/// The list of a field.
+pub(crate) struct Listed {
+    digests: BTreeMap<String, blake3::Hash>,
+}
+
+/// Metadata are never longer: 65,536 positions with a report each.
+pub(crate) const MAX_BYTES: u64 = 64 << 20;
+
+/// Reads the list of the field at `field`.
+pub(crate) fn read(field: &Path) -> Result<Listed, FieldError> {
     let path = field.join(NAME);
-    let text = fs::read_to_string(&path).map_err(|source| FieldError::Read { path: path.clone(), source })?;
-    let mut listed = Vec::new();
+    let text = read_bounded(&path, MAX_BYTES).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound => {
+            FieldError::NotAField { path: path.clone(), reason: "this list of its files is missing".into() }
+        }
+        _ => FieldError::Read { path: path.clone(), source },
+    })?;
+    let mut digests = BTreeMap::new();
     for (index, line) in text.lines().enumerate() {
         let entry = line
             .split_once("  ")
             .and_then(|(digest, name)| Some((blake3::Hash::from_hex(digest).ok()?, name)))
             .filter(|(_, name)| is_inside(name));
         match entry {
-            Some((digest, name)) => listed.push((name.to_string(), digest)),
+            Some((digest, name)) => digests.insert(name.to_string(), digest),
             None => {
                 let reason = format!("line {}: expected a digest and a file name", index + 1);
                 return Err(FieldError::Damaged { path, reason });
             }
-        }
+        };
     }
+    Ok(Listed { digests })
+}
+
+impl Listed {
+    /// Whether the text of a file of the field is what was written.
+    pub(crate) fn check(&self, field: &Path, name: &str, text: &str) -> Result<(), FieldError> {
+        if self.digests.get(name) == Some(&blake3::hash(text.as_bytes())) {
+            return Ok(());
+        }
+        let reason = format!("changed since it was written: its digest is not the one in {NAME}");
+        Err(FieldError::Damaged { path: field.join(name), reason })
+    }
+}
+
+/// Holds every file below `field` against the list.
+pub(crate) fn verify(field: &Path) -> Result<Vec<Damage>, FieldError> {
+    let listed: Vec<(String, blake3::Hash)> = read(field)?.digests.into_iter().collect();
     let mut damage: Vec<Damage> = listed
         .par_iter()
         .filter_map(|(name, listed)| match digest(&field.join(name)) {
@@ -78,7 +110,7 @@ pub(crate) fn verify(field: &Path) -> Result<Vec<Damage>, FieldError> {
             Err(error) => Some(Damage::Unreadable(name.into(), error.to_string())),
         })
         .collect();
-    let names: std::collections::BTreeSet<&str> = listed.iter().map(|(name, _)| name.as_str()).collect();
+    let names: BTreeSet<&str> = listed.iter().map(|(name, _)| name.as_str()).collect();
     damage.extend(
         files_below(field)?
             .iter()

@@ -1,11 +1,10 @@
 //! Reading a field.
 
 use std::collections::HashSet;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use relumine_basis::{Cell, Cells};
-use relumine_radiometry::{Image, Transfer};
+use relumine_radiometry::{Image, Transfer, read_bounded};
 use serde::Deserialize;
 
 use crate::writer::shard_path;
@@ -35,23 +34,29 @@ struct Attributes {
 impl ReflectanceField {
     /// The most pixels a side of a picture.
     const MAX_SIDE: usize = 65_536;
-    const MAX_METADATA_BYTES: u64 = 1 << 28;
+    /// The most pixels of a picture: more than any camera gives.
+    const MAX_PIXELS: usize = 1 << 28;
 
-    /// Opens the field at `path`: reads its metadata, none of its transfers.
+    /// Opens the field at `path`: reads its metadata, which must be what was written, and none of its transfers.
     ///
     /// # Errors
-    /// If there is no field of this version, or its metadata contradict themselves.
+    /// If there is no field of this version, or its metadata are damaged or contradict themselves.
     pub fn open(path: &Path) -> Result<Self, FieldError> {
         let group_path = path.join("zarr.json");
         let not_a_field = |reason: String| FieldError::NotAField { path: path.to_path_buf(), reason };
-        let group: Group = serde_json::from_str(&read_text(&group_path)?)
+        let text = read_metadata(&group_path)?;
+        let group: Group = serde_json::from_str(&text)
             .map_err(|error| FieldError::NotAField { path: group_path.clone(), reason: error.to_string() })?;
         let Attributes { relumine: header, positions: records } = group.attributes;
         if header.format != Header::FORMAT {
             return Err(not_a_field(format!("expected format \"{}\", found \"{}\"", Header::FORMAT, header.format)));
         }
+        // It is a field of this version: from here on every byte must be what was written.
+        let listed = manifest::read(path)?;
+        listed.check(path, "zarr.json", &text)?;
         let [width, height] = header.picture;
-        if !(1..=Self::MAX_SIDE).contains(&width) || !(1..=Self::MAX_SIDE).contains(&height) {
+        let side = 1..=Self::MAX_SIDE;
+        if !side.contains(&width) || !side.contains(&height) || width * height > Self::MAX_PIXELS {
             return Err(not_a_field(format!("a picture of {width} × {height} pixels")));
         }
         let cells = header.cells().map_err(|source| FieldError::Geometry { path: group_path, source })?;
@@ -77,8 +82,11 @@ impl ReflectanceField {
             return Err(not_a_field(format!("{} positions, but {} lamps", cells.positions(), irradiance.len())));
         }
         // The array must be cut as this version cuts it: nothing else in its metadata is ours to interpret.
-        let array_path = path.join(zarr::TRANSFER).join("zarr.json");
-        let found: serde_json::Value = serde_json::from_str(&read_text(&array_path)?)
+        let array = format!("{}/zarr.json", zarr::TRANSFER);
+        let array_path = path.join(&array);
+        let text = read_metadata(&array_path)?;
+        listed.check(path, &array, &text)?;
+        let found: serde_json::Value = serde_json::from_str(&text)
             .map_err(|error| FieldError::NotAField { path: array_path.clone(), reason: error.to_string() })?;
         if found != zarr::transfer(&header) {
             let reason = "the array is cut or coded in another way than this version does".into();
@@ -182,11 +190,6 @@ impl ReflectanceField {
     }
 }
 
-fn read_text(path: &Path) -> Result<String, FieldError> {
-    let read = |source| FieldError::Read { path: path.to_path_buf(), source };
-    let length = fs::metadata(path).map_err(read)?.len();
-    if length > ReflectanceField::MAX_METADATA_BYTES {
-        return Err(read(std::io::Error::other(format!("{length} bytes are too many for metadata"))));
-    }
-    fs::read_to_string(path).map_err(read)
+fn read_metadata(path: &Path) -> Result<String, FieldError> {
+    read_bounded(path, manifest::MAX_BYTES).map_err(|source| FieldError::Read { path: path.to_path_buf(), source })
 }

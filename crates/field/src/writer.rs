@@ -42,21 +42,36 @@ impl FieldWriter {
         if path.exists() && !replace {
             return Err(FieldError::Exists { path: path.to_path_buf() });
         }
+        let is_field = path.join("zarr.json").is_file() && path.join(manifest::NAME).is_file();
+        if path.exists() && !is_field {
+            let reason = "only a field is replaced; remove it, or choose another name".into();
+            return Err(FieldError::NotAField { path: path.to_path_buf(), reason });
+        }
         let partial = beside(path, ".partial");
         let write = |source| FieldError::Write { path: partial.clone(), source };
         let field = partial.join("field");
-        fs::create_dir_all(&field).map_err(write)?;
+        fs::create_dir_all(&partial).map_err(write)?;
         let lock = File::create(partial.join("lock")).map_err(write)?;
         match lock.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                return Err(write(io::Error::other("another process is writing this field")));
+                return Err(FieldError::Busy { path: partial });
             }
             Err(TryLockError::Error(error)) => return Err(write(error)),
         }
         let header_text = serde_json::to_string(&header).map_err(|error| write(error.into()))?;
         let input = blake3::hash(format!("{header_text}\n{input}").as_bytes()).to_hex();
         let input_file = partial.join("input.b3");
+        // A writer killed while it cleared away may have left a journal of shards that are gone or of an input unknown.
+        if !(field.is_dir() && input_file.exists()) {
+            for leaving in [&partial.join("journal"), &input_file] {
+                match fs::remove_file(leaving) {
+                    Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(write(error)),
+                    _ => {}
+                }
+            }
+        }
+        fs::create_dir_all(&field).map_err(write)?;
         match fs::read_to_string(&input_file) {
             Ok(found) if found == input.as_str() => {}
             Ok(_) => return Err(FieldError::OtherUnfinished { path: partial }),
@@ -129,8 +144,13 @@ impl FieldWriter {
     /// # Errors
     /// If it cannot be written.
     pub fn finish_position(&self, record: PositionRecord, clipped: &[u8]) -> Result<(), FieldError> {
+        let chunk = format!("{}/c/{}/0/0", zarr::CLIPPED, record.position);
         if clipped.iter().any(|count| *count > 0) {
-            self.write_chunk(&format!("{}/c/{}/0/0", zarr::CLIPPED, record.position), clipped)?;
+            self.write_chunk(&chunk, clipped)?;
+        } else if self.field.join(&chunk).exists() {
+            // From an earlier go at the same position.
+            let path = self.field.join(&chunk);
+            fs::remove_file(&path).map_err(|source| FieldError::Write { path, source })?;
         }
         let mut journal = self.journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         journal.0.append(&record)?;

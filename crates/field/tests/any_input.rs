@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::{LazyLock, Mutex};
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 use half::f16;
 use proptest::prelude::*;
@@ -47,6 +47,7 @@ static WRITTEN: LazyLock<Written> = LazyLock::new(|| {
     let mut files = Vec::new();
     list(&path, "", &mut files);
     files.sort();
+    assert_eq!(files[0].0, "checksums.b3");
     Written { files, transfers }
 });
 
@@ -88,8 +89,20 @@ impl Spoiled {
             Some(bytes) => fs::write(&file, bytes).expect("a file"),
             None => fs::remove_file(&file).expect("a file"),
         }
+        let _mended = Mended { file, whole };
         look(&self.path);
-        fs::write(&file, whole).expect("a file");
+    }
+}
+
+/// Puts a file back, also after a failure.
+struct Mended<'a> {
+    file: PathBuf,
+    whole: &'a [u8],
+}
+
+impl Drop for Mended<'_> {
+    fn drop(&mut self) {
+        let _ = fs::write(&self.file, self.whole);
     }
 }
 
@@ -111,7 +124,11 @@ fn check(path: &Path, name: &str, what: &str) {
     // Whatever a reader makes of it, the list of digests finds it, unless the metadata cannot be read at all.
     let Ok(field) = ReflectanceField::open(path) else { return };
     match field.verify() {
-        Ok(damage) if name == "checksums.b3" => assert!(!damage.is_empty(), "{what}"),
+        // A digest in capitals says the same.
+        Ok(damage) if name == "checksums.b3" => {
+            let (found, whole) = (fs::read(path.join(name)).expect("the list"), &WRITTEN.files[0].1);
+            assert!(!damage.is_empty() || found.eq_ignore_ascii_case(whole), "{what}");
+        }
         Ok(damage) => assert_eq!(damage, [Damage::Changed(name.into())], "{what}"),
         Err(error) => assert!(name == "checksums.b3" && error.to_string().contains(name), "{name}, {what}: {error}"),
     }
@@ -134,7 +151,7 @@ proptest! {
         let at = at.index(bytes.len());
         bytes[at] ^= 1_u8 << bit;
         let what = format!("bit {bit} of byte {at} flipped");
-        COPY.lock().expect("a copy").with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
+        COPY.lock().unwrap_or_else(PoisonError::into_inner).with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
     }
 
     #[test]
@@ -147,7 +164,7 @@ proptest! {
         let bytes = [&file.1[..at], &tail.unwrap_or_default()].concat();
         prop_assume!(bytes != file.1);
         let what = format!("other bytes from {at} on");
-        COPY.lock().expect("a copy").with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
+        COPY.lock().unwrap_or_else(PoisonError::into_inner).with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
     }
 }
 
@@ -190,7 +207,6 @@ fn a_file_that_is_not_there_is_found() {
 }
 
 #[test]
-#[ignore = "known: the group's metadata are not held against their digest when a field is opened"]
 fn a_changed_scale_is_found_when_the_field_is_opened() {
     let copy = Spoiled::new().into_inner().expect("a copy");
     let file = WRITTEN.files.iter().find(|(name, _)| name == "zarr.json").expect("the metadata");
@@ -202,7 +218,6 @@ fn a_changed_scale_is_found_when_the_field_is_opened() {
 }
 
 #[test]
-#[ignore = "known: a side is bounded, their product is not: `transfer` asks for 48 GiB"]
 fn a_picture_larger_than_any_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("large.field");

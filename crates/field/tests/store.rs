@@ -138,7 +138,7 @@ fn what_is_there_is_not_overwritten_unasked() {
     let writer = FieldWriter::open(&path, header(), "other input", true).unwrap();
     // Until the new one is whole, the old one stays.
     assert_eq!(ReflectanceField::open(&path).unwrap().verify().unwrap(), []);
-    assert!(matches!(FieldWriter::open(&path, header(), "other input", true), Err(FieldError::Write { .. })), "locked");
+    assert!(matches!(FieldWriter::open(&path, header(), "other input", true), Err(FieldError::Busy { .. })), "locked");
     write_position(&writer, 0);
     drop(writer);
     assert!(matches!(FieldWriter::open(&path, header(), "third", true), Err(FieldError::OtherUnfinished { .. })));

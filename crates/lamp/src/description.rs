@@ -271,6 +271,15 @@ impl Light {
     }
 }
 
+/// Beyond 10⁹ m squares of distances lose all meaning.
+const FARTHEST_M: f64 = 1e9;
+
+/// The unit vector along `vector`; `None` below 10⁻³⁰, where it is nothing but rounding.
+fn unit(vector: DVec3) -> Option<DVec3> {
+    let largest = vector.abs().max_element();
+    if largest < 1e-30 { None } else { (vector / largest).try_normalize() }
+}
+
 /// Values held against their ranges.
 struct Check<'a> {
     path: &'a Path,
@@ -286,16 +295,15 @@ impl Check<'_> {
     }
 
     fn positive(&self, place: String, value: f64) -> Result<f64, LightError> {
-        if value > 0.0 && value.is_finite() {
+        if value > 0.0 && value <= FARTHEST_M {
             Ok(value)
         } else {
-            self.fail(place, format!("must be above 0, but is {value}"))
+            self.fail(place, format!("must be above 0 and at most 1e9, but is {value}"))
         }
     }
 
     fn vector(&self, place: String, value: [f64; 3]) -> Result<DVec3, LightError> {
-        // Beyond 10⁹ m squares of distances lose all meaning.
-        if value.iter().all(|component| component.abs() <= 1e9) {
+        if value.iter().all(|component| component.abs() <= FARTHEST_M) {
             Ok(DVec3::from_array(value))
         } else {
             self.fail(place, format!("expected three numbers within ±1e9 m, found {value:?}"))
@@ -303,7 +311,7 @@ impl Check<'_> {
     }
 
     fn direction(&self, place: String, value: [f64; 3]) -> Result<DVec3, LightError> {
-        match self.vector(place.clone(), value)?.try_normalize() {
+        match unit(self.vector(place.clone(), value)?) {
             Some(direction) => Ok(direction),
             None => self.fail(place, format!("expected a direction of some length, found {value:?}")),
         }
@@ -345,7 +353,8 @@ impl Check<'_> {
         let place = |key: &str| format!("rectangle {index}: {key}");
         let edge_u = self.vector(place("edge_u"), lamp.edge_u)?;
         let edge_v = self.vector(place("edge_v"), lamp.edge_v)?;
-        if edge_u.cross(edge_v).try_normalize().is_none() {
+        let spans = unit(edge_u).zip(unit(edge_v)).is_some_and(|(u, v)| u.cross(v).length() > 1e-9);
+        if !spans {
             return self.fail(place("edge_v"), "edge_u and edge_v must span an area");
         }
         Ok(Lamp::Rectangle(Rectangle {

@@ -1,5 +1,7 @@
 //! TOML descriptions that people write by hand, read strictly: an unknown key is an error that names the nearest known one.
 
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
@@ -34,14 +36,26 @@ const MAX_BYTES: u64 = 64 << 20;
 /// Reads the text of a description file.
 ///
 /// # Errors
-/// If it cannot be read, is not UTF-8 or is larger than 64 MiB.
+/// If it cannot be read, is no regular file, is not UTF-8 or is larger than 64 MiB.
 pub fn read_text(path: &Path) -> Result<String, DescriptionError> {
-    let fail = |source| DescriptionError::Read { path: path.to_path_buf(), source };
-    let length = std::fs::metadata(path).map_err(fail)?.len();
-    if length > MAX_BYTES {
-        return Err(fail(std::io::Error::other(format!("{length} bytes are too many for a description"))));
+    read_bounded(path, MAX_BYTES).map_err(|source| DescriptionError::Read { path: path.to_path_buf(), source })
+}
+
+/// Reads a regular file of at most `most` bytes of UTF-8 text. What a device or a pipe says of its length is not believed.
+///
+/// # Errors
+/// If it cannot be read, is no regular file, is not UTF-8 or is longer.
+pub fn read_bounded(path: &Path, most: u64) -> io::Result<String> {
+    // Looked at before it is opened: opening a pipe would wait for its writer.
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("not a regular file"));
     }
-    std::fs::read_to_string(path).map_err(fail)
+    let mut text = String::new();
+    File::open(path)?.take(most + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > most {
+        return Err(io::Error::other(format!("longer than the {most} bytes that such a file may have")));
+    }
+    Ok(text)
 }
 
 /// Reads `text` as a `T` whose unknown keys are errors (`#[serde(deny_unknown_fields)]`); `path` is for messages.

@@ -13,7 +13,7 @@ mod image;
 mod merge;
 mod response;
 
-pub use description::{DescriptionError, nearest, parse_toml, read_text};
+pub use description::{DescriptionError, nearest, parse_toml, read_bounded, read_text};
 pub use difference::{Difference, difference};
 pub use display::{Display, Tone, srgb_decode, srgb_encode};
 pub use exposure::{ExposureSettings, Gain};

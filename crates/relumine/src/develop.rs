@@ -65,6 +65,17 @@ pub struct PositionOutcome {
 }
 
 impl PositionOutcome {
+    /// The positions that an earlier run has done, and those that are to be done. Where photographs were lost, they may have
+    /// been found again: such positions are done once more.
+    pub(crate) fn done_and_waiting(writer: &FieldWriter) -> (Vec<Self>, VecDeque<usize>) {
+        let (done, again): (Vec<Self>, Vec<Self>) =
+            writer.done().iter().filter_map(Self::of).partition(|outcome| outcome.report.losses.is_empty());
+        let mut waiting = writer.remaining();
+        waiting.extend(again.iter().map(|outcome| outcome.position));
+        waiting.sort_unstable();
+        (done, waiting.into())
+    }
+
     /// What the record of a position says; `None` if its report is of another version.
     pub(crate) fn of(record: &PositionRecord) -> Option<Self> {
         let report = DevelopedReport::of(record)?;
@@ -117,13 +128,13 @@ impl Development {
         });
         let header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
         let writer = FieldWriter::open(field, header, &input, options.replace)?;
-        let already_done = writer.done().iter().filter_map(PositionOutcome::of).collect();
+        let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
         let [tile_height, tile_width] = writer.blocks().tile();
         let position_bytes = developer.bytes_per_position(tile_height * tile_width);
         Ok(Self {
             capture: path,
             together: (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads()),
-            waiting: writer.remaining().into(),
+            waiting,
             ready: VecDeque::new(),
             already_done,
             failed: false,

@@ -6,6 +6,7 @@ use relumine_capture::CaptureError;
 use relumine_field::FieldError;
 use relumine_incident::IncidentError;
 use relumine_lamp::LightError;
+use relumine_radiometry::DescriptionError;
 use relumine_radiometry::files::FileError;
 use relumine_relight::RelightError;
 
@@ -79,15 +80,22 @@ impl Error {
                 Some("correct [camera] in capture.toml, or remove the photograph's row from photographs.csv")
             }
             Self::Field(FieldError::Exists { .. }) => Some("choose another name, or add --force to replace it"),
-            Self::Field(FieldError::Damaged { .. } | FieldError::Read { .. }) => {
+            Self::Capture(CaptureError::Description(DescriptionError::Read { .. })) => {
+                Some("a capture is a directory with capture.toml and photographs.csv; FORMAT.md describes both")
+            }
+            Self::Field(FieldError::Damaged { .. } | FieldError::Read { .. })
+            | Self::Relight(RelightError::Field(FieldError::Damaged { .. } | FieldError::Read { .. })) => {
                 Some("`relumine inspect` lists all that is damaged; develop the capture again")
             }
             Self::Field(FieldError::NotAField { .. }) => {
                 Some("fields are made by `relumine develop` and `relumine import`")
             }
-            Self::Field(FieldError::Write { .. }) | Self::File(FileError::Write { .. }) => {
+            Self::Field(FieldError::Write { .. } | FieldError::File(FileError::Write { .. }))
+            | Self::File(FileError::Write { .. }) => {
                 Some("free some space or choose another disk; run the same command again to go on")
             }
+            Self::Field(FieldError::Busy { .. }) => Some("wait for it to end, or choose another name"),
+            Self::LampList { .. } => Some("correct the list"),
             Self::NothingUsable { .. } => Some("check that the photographs lie where the list says"),
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {
                 Some("a mosaic belongs to the cells it was written for; write one with `relumine light … --for FIELD`")
@@ -99,11 +107,14 @@ impl Error {
     /// Whether the input is damaged or incomplete, rather than the job having failed.
     pub fn is_damaged_input(&self) -> bool {
         match self {
-            Self::Capture(error) => !matches!(error, CaptureError::Setup { .. }),
-            Self::Field(error) => matches!(error, FieldError::Damaged { .. } | FieldError::NotAField { .. }),
-            Self::Relight(RelightError::Field(error)) => {
-                matches!(error, FieldError::Damaged { .. } | FieldError::Read { .. })
-            }
+            Self::Capture(_) => true,
+            Self::Field(error) | Self::Relight(RelightError::Field(error)) => matches!(
+                error,
+                FieldError::Damaged { .. }
+                    | FieldError::Read { .. }
+                    | FieldError::NotAField { .. }
+                    | FieldError::Geometry { .. }
+            ),
             Self::File(error) => !matches!(error, FileError::Write { .. }),
             Self::Light(_) | Self::NothingUsable { .. } | Self::LampList { .. } => true,
             Self::Incident(_) | Self::Relight(_) | Self::NeitherMosaicNorMap { .. } => false,

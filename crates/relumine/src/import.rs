@@ -82,11 +82,12 @@ impl Import {
         header.lamps = Lamps::Distant { irradiance: list.lamps.iter().map(|lamp| lamp.irradiance).collect() };
         let input = format!("{:?} {:?}", list.lamps, options.response);
         let writer = FieldWriter::open(field, header, &input, options.replace)?;
+        let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
         Ok(Self {
             source: source.to_path_buf(),
             camera: [u8::MAX.into(), u16::MAX].map(|white| Linearization::new(&options.response, 0, white)),
-            already_done: writer.done().iter().filter_map(PositionOutcome::of).collect(),
-            waiting: writer.remaining().into(),
+            already_done,
+            waiting,
             ready: VecDeque::new(),
             failed: false,
             list,

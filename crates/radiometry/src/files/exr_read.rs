@@ -28,6 +28,8 @@ use crate::{Image, Linear};
 const MAX_CHANNELS: usize = 1024;
 /// Pixels along a tile.
 const MAX_TILE_SIDE: usize = 1 << 15;
+/// Pixels of a display window that need not be covered.
+const MAX_UNCOVERED: usize = 1 << 24;
 /// Unpacked bytes of one block: a tile of 8192² with RGBA halves.
 const MAX_BLOCK_BYTES: usize = 1 << 29;
 /// Unpacked bytes held at a time, beside the picture.
@@ -153,6 +155,15 @@ fn check_header(header: &Header) -> Result<usize, Fault> {
         return Err(Fault::unsupported(format!("blocks of {bytes} bytes, at most {MAX_BLOCK_BYTES} are expected")));
     }
 
+    // A few bytes must not claim a picture of gigabytes: pixels that no block covers are black, and few are expected.
+    let (shown, covered) = (display.size.width() * display.size.height(), width * height);
+    if shown > MAX_UNCOVERED && shown / 16 > covered {
+        return Err(Fault::unsupported(format!(
+            "a display window of {} × {} around only {width} × {height} pixels",
+            display.size.width(),
+            display.size.height()
+        )));
+    }
     let (data, display) = (Window::of(header.data_window()), Window::of(display));
     if !data.overlaps(display) {
         return Err(Fault::damaged("its data window lies outside its display window"));

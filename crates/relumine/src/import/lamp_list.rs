@@ -89,13 +89,15 @@ impl LampList {
             .parse()
             .map_err(|_| list.error(1, format!("expected the number of photographs, found \"{announced}\"")))?;
         for (index, line) in lines {
-            let line = line.trim();
             // Names may have blanks in them: the direction is the last three words.
-            let mut words = line.rsplitn(4, char::is_whitespace);
-            let numbers = [words.next(), words.next(), words.next()];
-            let name = words.next().map(str::trim).filter(|name| !name.is_empty());
-            let (Some(name), [Some(z), Some(y), Some(x)]) = (name, numbers) else {
-                return Err(list.error(index + 1, format!("expected \"name x y z\", found \"{line}\"")));
+            let mut name = line.trim();
+            let mut word = || -> Option<&str> {
+                let (rest, word) = name.rsplit_once(char::is_whitespace)?;
+                name = rest.trim_end();
+                Some(word)
+            };
+            let [Some(z), Some(y), Some(x)] = [word(), word(), word()] else {
+                return Err(list.error(index + 1, format!("expected \"name x y z\", found \"{}\"", line.trim())));
             };
             let direction = list.numbers(index + 1, &[x, y, z])?;
             list.push(index + 1, name, [direction[0], direction[1], direction[2]], [1.0; 3])?;
@@ -278,7 +280,7 @@ mod tests {
 
     #[test]
     fn names_are_relative_to_the_list_and_directions_need_not_be_unit() {
-        let list = lp("2\njpg/a b.jpg 0 0 0.8\njpg/c.jpg 0.5 0.5 0.1\n").unwrap();
+        let list = lp("2\njpg/a b.jpg  0\t0  0.8\njpg/c.jpg 0.5 0.5 0.1\n").unwrap();
         assert_eq!(list.lamps[0].file, Path::new("dome/jpg/a b.jpg"));
         assert_eq!(list.lamps[0].position.tilt, 0.0);
         assert!((list.lamps[1].position.azimuth.to_degrees() - 45.0).abs() < 1e-9);
