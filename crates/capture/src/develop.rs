@@ -17,6 +17,9 @@ use crate::separation::{self, Combs, Method, Residual};
 use crate::setup::CameraResponse;
 use crate::{Capture, CaptureError, PhotographRow, Scheme, ShownPattern};
 
+/// Pixels that are separated together.
+const STRIP: usize = 64;
+
 /// Develops the positions of a capture, one at a time and in any order.
 pub struct Developer {
     capture: Capture,
@@ -354,14 +357,17 @@ impl DevelopedPosition<'_> {
         let squares = matches!(self.developer.capture.setup().scheme(), Scheme::Squares);
         let (plus, minus) = if squares { frames.split_at(frames.len()) } else { frames.split_at(frames.len() / 2) };
         let minus = if squares { vec![self.white.as_ref()?] } else { minus.to_vec() };
-        let (mut sum, mut lanes) = (0.0, 0usize);
-        for lane in 0..plus[0].len() {
-            let total = |frames: &[&Vec<f32>]| frames.iter().map(|frame| f64::from(frame[lane])).sum::<f64>();
-            let difference = total(plus) - total(&minus);
-            if difference.is_finite() {
-                sum += difference * difference;
-                lanes += 1;
+        let mut difference = vec![0.0f64; plus[0].len()];
+        for (sign, frames) in [(1.0, plus), (-1.0, &minus)] {
+            for frame in frames {
+                let terms = difference.par_iter_mut().zip(frame.par_iter()).with_min_len(1 << 14);
+                terms.for_each(|(sum, value)| *sum += sign * f64::from(*value));
             }
+        }
+        let (mut sum, mut lanes) = (0.0, 0usize);
+        for difference in difference.iter().filter(|difference| difference.is_finite()) {
+            sum += difference * difference;
+            lanes += 1;
         }
         (lanes > 0).then(|| (sum / lanes as f64 / (plus.len() + minus.len()) as f64).sqrt())
     }
@@ -371,10 +377,16 @@ impl DevelopedPosition<'_> {
         let setup = self.developer.capture.setup();
         let m = setup.cells().squares();
         let (width, _) = setup.picture_size();
-        let strips: Vec<(Vec<f32>, Residual, Residual)> = rows
-            .clone()
+        // Strips short enough that a table of their lanes stays in the first cache.
+        let starts: Vec<usize> = columns.clone().step_by(STRIP).collect();
+        let pieces: Vec<(usize, usize)> =
+            rows.clone().flat_map(|row| starts.iter().map(move |start| (row, *start))).collect();
+        let strips: Vec<(Vec<f32>, Residual, Residual)> = pieces
             .into_par_iter()
-            .map(|row| self.separate_lanes((row * width + columns.start) * 3..(row * width + columns.end) * 3))
+            .map(|(row, start)| {
+                let end = (start + STRIP).min(columns.end);
+                self.separate_lanes((row * width + start) * 3..(row * width + end) * 3)
+            })
             .collect();
         let lanes = columns.len() * 3;
         let factors: Vec<f32> = (0..m * m)
@@ -385,9 +397,10 @@ impl DevelopedPosition<'_> {
         let mut transfer = vec![0.0; m * m * rows.len() * lanes];
         transfer.par_chunks_exact_mut(rows.len() * lanes).zip(&factors).enumerate().for_each(
             |(square, (picture, factor))| {
-                for (strip, (squares, ..)) in picture.chunks_exact_mut(lanes).zip(&strips) {
-                    let separated = &squares[square * lanes..][..lanes];
-                    strip.iter_mut().zip(separated).for_each(|(transfer, value)| *transfer = value * factor);
+                let pieces = picture.chunks_exact_mut(lanes).flat_map(|row| row.chunks_mut(3 * STRIP));
+                for (piece, (squares, ..)) in pieces.zip(&strips) {
+                    let separated = &squares[square * piece.len()..][..piece.len()];
+                    piece.iter_mut().zip(separated).for_each(|(transfer, value)| *transfer = value * factor);
                 }
             },
         );

@@ -104,21 +104,18 @@ pub fn residual(combs: &Combs, squares: &[f32]) -> Residual {
     let (m, spacing, lanes) = (combs.squares, combs.spacing, combs.lanes);
     let mut residual = Residual::default();
     let mut sum = vec![0.0f32; lanes];
-    let mut sum_of = |members: &mut dyn Iterator<Item = (usize, usize)>| -> Option<Vec<f32>> {
+    // Squared error of a sum of squares, and squared photograph; nothing if a square or the photograph is missing.
+    let mut compare = |members: &mut dyn Iterator<Item = (usize, usize)>, photograph: Option<&[f32]>| {
+        let Some(photograph) = photograph else { return (0.0, 0.0) };
         sum.fill(0.0);
         for (u, v) in members {
             if !combs.is_present(u, v) {
-                return None;
+                return (0.0, 0.0);
             }
             let square = &squares[(v * m + u) * lanes..][..lanes];
             sum.iter_mut().zip(square).for_each(|(sum, value)| *sum += value);
         }
-        Some(sum.clone())
-    };
-    let compare = |sum: Option<Vec<f32>>, photograph: Option<&[f32]>| {
-        let (Some(sum), Some(photograph)) = (sum, photograph) else { return (0.0, 0.0) };
-        let mut error = 0.0;
-        let mut energy = 0.0;
+        let (mut error, mut energy) = (0.0, 0.0);
         for (sum, value) in sum.iter().zip(photograph).filter(|(_, value)| !value.is_nan()) {
             error += f64::from(sum - value).powi(2);
             energy += f64::from(*value).powi(2);
@@ -127,9 +124,10 @@ pub fn residual(combs: &Combs, squares: &[f32]) -> Residual {
     };
     for line in 0..m {
         for k in 0..spacing.min(m) {
+            let comb = (k..m).step_by(spacing);
             for (error, energy) in [
-                compare(sum_of(&mut (k..m).step_by(spacing).map(|u| (u, line))), combs.rows[line * spacing + k]),
-                compare(sum_of(&mut (k..m).step_by(spacing).map(|v| (line, v))), combs.columns[line * spacing + k]),
+                compare(&mut comb.clone().map(|u| (u, line)), combs.rows[line * spacing + k]),
+                compare(&mut comb.clone().map(|v| (line, v)), combs.columns[line * spacing + k]),
             ] {
                 residual.combs_error += error;
                 residual.combs_energy += energy;
@@ -137,7 +135,7 @@ pub fn residual(combs: &Combs, squares: &[f32]) -> Residual {
         }
     }
     let all = &mut (0..m * m).map(|square| (square % m, square / m));
-    (residual.white_error, residual.white_energy) = compare(sum_of(all), combs.white);
+    (residual.white_error, residual.white_energy) = compare(all, combs.white);
     residual
 }
 

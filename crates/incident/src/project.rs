@@ -84,8 +84,9 @@ pub fn project(light: &Light, cells: &Cells, options: &Options) -> Result<Projec
         let mut deposit = Deposit::new(cells, options.between, options.object_radius_m);
         let samples = options.samples.div_ceil(BATCHES);
         let stream = |source: usize| Pcg64::seed_from_u64(options.seed ^ ((source * BATCHES + index) as u64) << 32);
-        for (source, lamp) in lamps.iter().enumerate() {
-            let mut stream = stream(source + 3);
+        for lamp in &lamps {
+            // The same random numbers for every lamp: a light that is the sum of two gives the sum of their coefficients.
+            let mut stream = stream(3);
             if options.light_map || cells.reach() == Reach::Far {
                 let arrival = |xi: [f64; 2]| lamp.arrival(DVec3::ZERO, xi);
                 source_rays::shoot_arriving(&arrival, cells, samples, &mut stream, &mut deposit);

@@ -57,6 +57,8 @@ impl Merged {
 
 /// Counts closer to white than this share of the code range may be clipped by noise; a shorter exposure is preferred.
 const NEAR_WHITE: f64 = 0.02;
+/// Pixels that one task merges.
+const CHUNK: usize = 4096;
 
 /// Merges photographs of camera counts, each with its exposure t > 0 (seconds · iso/100 / f²).
 ///
@@ -77,17 +79,18 @@ pub fn merge_counts(photographs: &[(&Image<Counts>, f64)], camera: &Linearizatio
     };
     let mut radiance = vec![[0.0; 3]; width * height];
     let mut visibility = vec![Visibility::Seen; width * height];
-    radiance.par_iter_mut().zip(visibility.par_iter_mut()).enumerate().with_min_len(4096).for_each(
-        |(index, (pixel, seen))| {
+    let chunks = radiance.par_chunks_mut(CHUNK).zip(visibility.par_chunks_mut(CHUNK));
+    chunks.enumerate().for_each(|(chunk, (pixels, seen))| {
+        for (index, (pixel, seen)) in pixels.iter_mut().zip(seen).enumerate() {
             for (channel, value) in pixel.iter_mut().enumerate() {
-                let (merged, visible) = merger.channel(index, channel);
+                let (merged, visible) = merger.channel(chunk * CHUNK + index, channel);
                 *value = merged as f32;
                 if visible == Visibility::Clipped || *seen == Visibility::Seen {
                     *seen = visible;
                 }
             }
-        },
-    );
+        }
+    });
     Merged { radiance: Image::from_pixels(width, height, radiance), visibility }
 }
 
@@ -102,34 +105,37 @@ struct Merger<'a> {
 
 impl Merger<'_> {
     fn channel(&self, index: usize, channel: usize) -> (f64, Visibility) {
-        let code = |pixels: &[[u16; 3]]| pixels[index][channel];
-        let exposure = |pixels: &[[u16; 3]]| f64::from(self.camera.exposure(channel, code(pixels)));
-        let (shortest, shortest_t) = self.stack[0];
-        if code(shortest) >= self.camera.white_level() {
-            return (1.0 / shortest_t, Visibility::Clipped);
+        let code = |exposure: usize| self.stack[exposure].0[index][channel];
+        let relative = |exposure: usize| f64::from(self.camera.exposure(channel, code(exposure)));
+        let t = |exposure: usize| self.stack[exposure].1;
+        if code(0) >= self.camera.white_level() {
+            return (1.0 / t(0), Visibility::Clipped);
         }
         // Exposures safely below white; the shortest one counts whatever its margin.
-        let unclipped = self.stack.partition_point(|(pixels, _)| code(pixels) < self.near_white).max(1);
-        let used = &self.stack[..unclipped];
-        // Of these, the dark ones say nothing that a brighter one does not say better.
-        let black = used.partition_point(|(pixels, _)| code(pixels) <= self.camera.black_level());
-        if black == used.len() {
-            let (longest, t) = used[used.len() - 1];
-            return (exposure(longest) / t, Visibility::Black);
+        let mut end = 1;
+        while end < self.stack.len() && code(end) < self.near_white {
+            end += 1;
         }
-        let used = &used[black..];
-        if let [(pixels, t)] = used {
-            return (exposure(pixels) / t, Visibility::Seen);
+        // Of these, the dark ones say nothing that a brighter one does not say better.
+        let mut start = 0;
+        while start < end && code(start) <= self.camera.black_level() {
+            start += 1;
+        }
+        if start == end {
+            return (relative(end - 1) / t(end - 1), Visibility::Black);
+        }
+        if start + 1 == end {
+            return (relative(start) / t(start), Visibility::Seen);
         }
         // First estimate: all electrons over all time.
-        let first =
-            used.iter().map(|(pixels, _)| exposure(pixels)).sum::<f64>() / used.iter().map(|(_, t)| t).sum::<f64>();
+        let (light, time) = (start..end).fold((0.0, 0.0), |(light, time), i| (light + relative(i), time + t(i)));
+        let first = (light / time).max(0.0);
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (pixels, t) in used {
-            let step = f64::from(self.camera.step(channel, code(pixels)));
-            let variance = (first * t).max(0.0) * self.shot + self.read + step * step / 12.0;
-            let weight = t * t / variance;
-            sum += weight * exposure(pixels) / t;
+        for i in start..end {
+            let step = f64::from(self.camera.step(channel, code(i)));
+            let variance = first * t(i) * self.shot + self.read + step * step / 12.0;
+            let weight = t(i) * t(i) / variance;
+            sum += weight * relative(i) / t(i);
             weights += weight;
         }
         (sum / weights, Visibility::Seen)

@@ -134,14 +134,18 @@ impl Fit {
         for _ in 0..SWEEPS {
             let mut worst = 0.0f32;
             for j in 0..down {
+                let row = (0..across).map(|i| j * across + i);
                 let margin = &block.rows[j * lanes..][..lanes];
-                self.rescale((0..across).map(|i| j * across + i), margin);
+                self.add_up(row.clone());
                 for ((sum, margin), total) in self.sum.iter().zip(margin).zip(&block.total) {
                     worst = worst.max((sum - margin).abs() - TOLERANCE * total);
                 }
+                self.rescale(row, margin);
             }
             for i in 0..across {
-                self.rescale((0..down).map(|j| j * across + i), &block.columns[i * lanes..][..lanes]);
+                let column = (0..down).map(|j| j * across + i);
+                self.add_up(column.clone());
+                self.rescale(column, &block.columns[i * lanes..][..lanes]);
             }
             if worst <= 0.0 {
                 break;
@@ -155,20 +159,22 @@ impl Fit {
         }
     }
 
-    /// Scales the table's `members` so that they add to `margin`; leaves their former sums in `self.sum`.
-    fn rescale(&mut self, members: impl Iterator<Item = usize> + Clone, margin: &[f32]) {
-        let lanes = self.lanes;
+    /// The sums of the table's `members`.
+    fn add_up(&mut self, members: impl Iterator<Item = usize>) {
         self.sum.fill(0.0);
-        for member in members.clone() {
-            let values = &self.table[member * lanes..][..lanes];
+        for member in members {
+            let values = &self.table[member * self.lanes..][..self.lanes];
             self.sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
         }
+    }
+
+    /// Scales the table's `members`, whose sums were taken, so that they add to `margin`.
+    fn rescale(&mut self, members: impl Iterator<Item = usize>, margin: &[f32]) {
+        // Branch-free: a sum of zero has only zeros to scale.
+        self.sum.iter_mut().zip(margin).for_each(|(sum, margin)| *sum = margin / sum.max(f32::MIN_POSITIVE));
         for member in members {
-            let values = &mut self.table[member * lanes..][..lanes];
-            for ((value, sum), margin) in values.iter_mut().zip(&self.sum).zip(margin) {
-                // Branch-free: a sum of zero has only zeros to scale.
-                *value *= margin / sum.max(f32::MIN_POSITIVE);
-            }
+            let values = &mut self.table[member * self.lanes..][..self.lanes];
+            values.iter_mut().zip(&self.sum).for_each(|(value, factor)| *value *= factor);
         }
     }
 }
