@@ -174,13 +174,16 @@ fn photograph(capture: &Path, scene: &[Option<Surface>]) -> Result<(), Box<dyn E
     Ok(())
 }
 
-/// For each pixel the square that lights it and its radiance under that square.
+/// The square that lights a pixel, and the pixel's radiance under it.
+type Lit = ((usize, usize), DVec3);
+
+/// Each pixel under the projector at a position.
 fn under_projector(
     cells: &Cells,
     position: usize,
     intensity: f64,
     scene: &[Option<Surface>],
-) -> Result<Vec<((usize, usize), DVec3)>, Box<dyn Error>> {
+) -> Result<Vec<Lit>, Box<dyn Error>> {
     let Reach::Near { radius_m, pattern } = cells.reach() else { return Err("a projector stands near".into()) };
     let frame = cells.partition().positions()[position].frame();
     let projector = radius_m * frame.outward;
