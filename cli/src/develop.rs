@@ -79,8 +79,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     if losses.is_empty() {
         return Ok(());
     }
-    talk.say("photographs that could not be used:");
-    talk.say_some(&losses, 20);
+    talk.say_losses(&losses);
     Err(Failure::incomplete(format!(
         "{}: {} photographs could not be used; {missing} squares are missing from {}",
         arguments.capture.display(),

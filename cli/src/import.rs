@@ -64,8 +64,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     if losses.is_empty() {
         return Ok(());
     }
-    talk.say("photographs that could not be used:");
-    talk.say_some(&losses, 20);
+    talk.say_losses(&losses);
     Err(Failure::incomplete(format!(
         "{}: {} photographs could not be used; their cells are missing from {}",
         arguments.source.display(),

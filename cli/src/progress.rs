@@ -22,11 +22,17 @@ impl Talk {
     }
 
     /// The first few of many lines, and how many more there are.
-    pub(crate) fn say_some(&self, lines: &[String], most: usize) {
+    fn say_some(&self, lines: &[String], most: usize) {
         lines.iter().take(most).for_each(|line| self.say(format!("  {line}")));
         if lines.len() > most {
             self.say(format!("  … and {} more", lines.len() - most));
         }
+    }
+
+    /// Photographs that could not be used.
+    pub(crate) fn say_losses(&self, losses: &[String]) {
+        self.say("photographs that could not be used:");
+        self.say_some(losses, 20);
     }
 
     /// A bar of `steps`, `done` of them done already; invisible when quiet or when stderr is no terminal.

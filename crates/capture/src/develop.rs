@@ -1,24 +1,19 @@
-//! Photographs of one position → the transfer of its squares, Rᵢ = Sᵢ · |Ωᵢ| / Φ_square (eq. 5, docs/MATH.md).
+//! Photographs of one position → radiance of each pattern, the projector's black taken away.
 
 use std::fmt;
 use std::fs;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use relumine_basis::Cell;
 use relumine_radiometry::files::{self, Picture};
 use relumine_radiometry::{
     Counts, Image, Linear, Linearization, Merged, NoiseModel, Visibility, merge_counts, merge_linear,
 };
 use sha2::{Digest, Sha256};
 
-use crate::separation::{self, Combs, Method, Residual};
+use crate::separation::Method;
 use crate::setup::CameraResponse;
-use crate::{Capture, CaptureError, PhotographRow, Scheme, ShownPattern};
-
-/// Pixels that are separated together.
-const STRIP: usize = 64;
+use crate::{Capture, CaptureError, DevelopedPosition, PhotographRow, Scheme, ShownPattern};
 
 /// Develops the positions of a capture, one at a time and in any order.
 pub struct Developer {
@@ -46,33 +41,6 @@ impl fmt::Display for Loss {
         write!(f, "position {}, {}: {}", self.position, self.pattern, self.reason)?;
         if self.others_remain { write!(f, " (its other exposures are used)") } else { Ok(()) }
     }
-}
-
-/// The photographs of one position as radiance, black taken away, ready to be separated.
-pub struct DevelopedPosition<'a> {
-    developer: &'a Developer,
-    position: usize,
-    /// Lighting patterns in the order of the scheme, minus black, over 1 − b, three lanes a pixel.
-    frames: Vec<Option<Vec<f32>>>,
-    /// The white frame likewise; NaN where every exposure is clipped.
-    white: Option<Vec<f32>>,
-    black_level: f64,
-    clipped: Vec<u8>,
-    losses: Vec<Loss>,
-}
-
-/// Separated squares of a rectangle of pixels.
-pub struct Tile {
-    /// Columns of the picture.
-    pub columns: Range<usize>,
-    /// Rows of the picture.
-    pub rows: Range<usize>,
-    /// Transfer, `[(v · M + u)][row][column][channel]`.
-    pub transfer: Vec<f32>,
-    /// How well the squares explain the photographs.
-    pub residual: Residual,
-    /// How well the minimum alone would explain them.
-    pub residual_of_minimum: Residual,
 }
 
 impl Developer {
@@ -117,17 +85,17 @@ impl Developer {
         frames * width * height * 12 + 2 * squares * squares * tile_pixels.min(width * height) * 12
     }
 
-    /// Reads the photographs of a position and makes radiance of them. `None` for the position, with what was lost, if
-    /// there is no black frame or nothing it could be taken from.
+    /// Reads the photographs of a position and makes radiance of them. Inside, `Err` with what was lost if there is no black
+    /// frame or nothing it could be taken from: then the whole position is missing.
     ///
     /// # Errors
     /// If a picture is whole but not what `capture.toml` promises (size, bits): then the set-up is wrong, not a photograph.
-    pub fn develop(&self, position: usize) -> Result<(Option<DevelopedPosition<'_>>, Vec<Loss>), CaptureError> {
+    pub fn develop(&self, position: usize) -> Result<Result<DevelopedPosition<'_>, Vec<Loss>>, CaptureError> {
         let setup = self.capture.setup();
         let patterns = setup.scheme().lighting(setup.cells().squares());
         let mut losses = Vec::new();
         let Some(black) = self.radiance(position, ShownPattern::Black, &mut losses)? else {
-            return Ok((None, losses));
+            return Ok(Err(losses));
         };
         let loaded: Vec<(Option<Merged>, Vec<Loss>)> = patterns
             .par_iter()
@@ -150,23 +118,20 @@ impl Developer {
             losses.extend(lost);
         }
         if frames.iter().all(Option::is_none) {
-            return Ok((None, losses));
+            return Ok(Err(losses));
         }
-        let white = self.white(position, &mut losses)?;
+        let mut white = self.white(position, &mut losses)?;
         let black = black.radiance.into_pixels().into_flattened();
         let black_level = match self.black_level {
             Some(black_level) => black_level,
             None => measured_black_level(setup.scheme(), &black, &frames, white.as_deref()),
         };
         let scale = (1.0 / (1.0 - black_level)) as f32;
-        let mut white = white;
         frames.par_iter_mut().flatten().chain(white.par_iter_mut()).for_each(|frame| {
             frame.iter_mut().zip(&black).for_each(|(value, black)| *value = (*value - black) * scale);
         });
-        Ok((
-            Some(DevelopedPosition { developer: self, position, frames, white, black_level, clipped, losses }),
-            Vec::new(),
-        ))
+        let method = self.method;
+        Ok(Ok(DevelopedPosition { setup, method, position, frames, white, black_level, clipped, losses }))
     }
 
     /// The white frame, NaN where every exposure is clipped; not having one loses nothing.
@@ -295,175 +260,4 @@ fn measured_black_level(scheme: Scheme, black: &[f32], frames: &[Option<Vec<f32>
     // Σ (photograph − black) = (1 − b)·white and black = b·white.
     let lit = frames.iter().flatten().map(|frame| sum(frame) - black).sum::<f64>() / times;
     if lit > 0.0 { (black / (lit + black)).clamp(0.0, 0.5) } else { 0.0 }
-}
-
-impl DevelopedPosition<'_> {
-    /// Which position this is.
-    pub fn position(&self) -> usize {
-        self.position
-    }
-
-    /// b, the share of white that shines through black here.
-    pub fn black_level(&self) -> f64 {
-        self.black_level
-    }
-
-    /// For each pixel, in how many photographs every exposure was clipped: there the transfer is a lower bound.
-    pub fn clipped(&self) -> &[u8] {
-        &self.clipped
-    }
-
-    /// Photographs that could not be used.
-    pub fn losses(&self) -> &[Loss] {
-        &self.losses
-    }
-
-    /// `present[v · M + u]`: whether the photographs that tell the square apart were taken.
-    pub fn present(&self) -> Vec<bool> {
-        let setup = self.developer.capture.setup();
-        let m = setup.cells().squares();
-        match setup.scheme() {
-            Scheme::Squares => self.frames.iter().map(Option::is_some).collect(),
-            Scheme::Combs { .. } => {
-                let combs = self.combs(0..0);
-                (0..m * m).map(|square| combs.is_present(square % m, square / m)).collect()
-            }
-        }
-    }
-
-    /// An upper bound of the transfer of all squares: no square is brighter than the photographs that show it.
-    pub fn transfer_bound(&self) -> f64 {
-        let setup = self.developer.capture.setup();
-        let m = setup.cells().squares();
-        let factor = (0..m * m)
-            .map(|square| setup.transfer_per_radiance(Cell { position: self.position, u: square % m, v: square / m }))
-            .fold(0.0, f64::max);
-        // A fitted comb is scaled to the white frame, which may be brighter than any comb.
-        let brightest = self
-            .frames
-            .iter()
-            .flatten()
-            .chain(&self.white)
-            .flat_map(|frame| frame.iter())
-            .fold(0.0f32, |bound, value| bound.max(*value));
-        f64::from(brightest) * factor
-    }
-
-    /// Noise of one photograph, radiance, root mean square over the picture: from the difference between the sum of the
-    /// row combs and the sum of the column combs, which photograph the same light twice; for single squares from their sum
-    /// and the white frame. `None` if photographs are missing.
-    pub fn noise(&self) -> Option<f64> {
-        let frames: Vec<&Vec<f32>> = self.frames.iter().map(Option::as_ref).collect::<Option<_>>()?;
-        let squares = matches!(self.developer.capture.setup().scheme(), Scheme::Squares);
-        let (plus, minus) = if squares { frames.split_at(frames.len()) } else { frames.split_at(frames.len() / 2) };
-        let minus = if squares { vec![self.white.as_ref()?] } else { minus.to_vec() };
-        let mut difference = vec![0.0f64; plus[0].len()];
-        for (sign, frames) in [(1.0, plus), (-1.0, &minus)] {
-            for frame in frames {
-                let terms = difference.par_iter_mut().zip(frame.par_iter()).with_min_len(1 << 14);
-                terms.for_each(|(sum, value)| *sum += sign * f64::from(*value));
-            }
-        }
-        let (mut sum, mut lanes) = (0.0, 0usize);
-        for difference in difference.iter().filter(|difference| difference.is_finite()) {
-            sum += difference * difference;
-            lanes += 1;
-        }
-        (lanes > 0).then(|| (sum / lanes as f64 / (plus.len() + minus.len()) as f64).sqrt())
-    }
-
-    /// Separates the squares of a rectangle of pixels.
-    pub fn separate(&self, columns: Range<usize>, rows: Range<usize>) -> Tile {
-        let setup = self.developer.capture.setup();
-        let m = setup.cells().squares();
-        let (width, _) = setup.picture_size();
-        // Strips short enough that a table of their lanes stays in the first cache.
-        let starts: Vec<usize> = columns.clone().step_by(STRIP).collect();
-        let pieces: Vec<(usize, usize)> =
-            rows.clone().flat_map(|row| starts.iter().map(move |start| (row, *start))).collect();
-        let strips: Vec<(Vec<f32>, Residual, Residual)> = pieces
-            .into_par_iter()
-            .map(|(row, start)| {
-                let end = (start + STRIP).min(columns.end);
-                self.separate_lanes((row * width + start) * 3..(row * width + end) * 3)
-            })
-            .collect();
-        let lanes = columns.len() * 3;
-        let factors: Vec<f32> = (0..m * m)
-            .map(|square| {
-                setup.transfer_per_radiance(Cell { position: self.position, u: square % m, v: square / m }) as f32
-            })
-            .collect();
-        let mut transfer = vec![0.0; m * m * rows.len() * lanes];
-        transfer.par_chunks_exact_mut(rows.len() * lanes).zip(&factors).enumerate().for_each(
-            |(square, (picture, factor))| {
-                let pieces = picture.chunks_exact_mut(lanes).flat_map(|row| row.chunks_mut(3 * STRIP));
-                for (piece, (squares, ..)) in pieces.zip(&strips) {
-                    let separated = &squares[square * piece.len()..][..piece.len()];
-                    piece.iter_mut().zip(separated).for_each(|(transfer, value)| *transfer = value * factor);
-                }
-            },
-        );
-        // Added in the order of the rows, whatever thread was first.
-        let (mut residual, mut residual_of_minimum) = (Residual::default(), Residual::default());
-        for (_, fitted, minimum) in &strips {
-            residual.add(*fitted);
-            residual_of_minimum.add(*minimum);
-        }
-        Tile { columns, rows, transfer, residual, residual_of_minimum }
-    }
-
-    fn separate_lanes(&self, lanes: Range<usize>) -> (Vec<f32>, Residual, Residual) {
-        let setup = self.developer.capture.setup();
-        let m = setup.cells().squares();
-        if matches!(setup.scheme(), Scheme::Squares) {
-            return self.single_squares(lanes);
-        }
-        let combs = self.combs(lanes);
-        let mut squares = vec![0.0; m * m * combs.lanes];
-        separation::separate_minimum(&combs, &mut squares);
-        let of_minimum = separation::residual(&combs, &squares);
-        if self.developer.method == Method::Minimum {
-            return (squares, of_minimum, of_minimum);
-        }
-        separation::separate_fitted(&combs, &mut squares);
-        let residual = separation::residual(&combs, &squares);
-        (squares, residual, of_minimum)
-    }
-
-    fn combs(&self, lanes: Range<usize>) -> Combs<'_> {
-        let setup = self.developer.capture.setup();
-        let Scheme::Combs { spacing } = setup.scheme() else { unreachable!("only combs have combs") };
-        let m = setup.cells().squares();
-        let frames: Vec<Option<&[f32]>> =
-            self.frames.iter().map(|frame| frame.as_ref().map(|frame| &frame[lanes.clone()])).collect();
-        let (rows, columns) = frames.split_at(m * spacing);
-        Combs {
-            squares: m,
-            spacing,
-            rows: rows.to_vec(),
-            columns: columns.to_vec(),
-            white: self.white.as_ref().map(|white| &white[lanes.clone()]),
-            lanes: lanes.len(),
-        }
-    }
-
-    /// Squares that were photographed alone need no separation; only the white frame has something to say.
-    fn single_squares(&self, lanes: Range<usize>) -> (Vec<f32>, Residual, Residual) {
-        let count = lanes.len();
-        let mut squares = vec![0.0; self.frames.len() * count];
-        for (square, frame) in squares.chunks_exact_mut(count).zip(&self.frames) {
-            let Some(frame) = frame else { continue };
-            square.iter_mut().zip(&frame[lanes.clone()]).for_each(|(value, frame)| *value = frame.max(0.0));
-        }
-        let mut residual = Residual::default();
-        if let (Some(white), true) = (&self.white, self.frames.iter().all(Option::is_some)) {
-            for (lane, white) in white[lanes].iter().enumerate().filter(|(_, white)| !white.is_nan()) {
-                let sum: f32 = squares.chunks_exact(count).map(|square| square[lane]).sum();
-                residual.white_error += f64::from(sum - white).powi(2);
-                residual.white_energy += f64::from(*white).powi(2);
-            }
-        }
-        (squares, residual, residual)
-    }
 }

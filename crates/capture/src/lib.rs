@@ -7,6 +7,7 @@
 
 mod capture;
 mod develop;
+mod developed;
 mod error;
 mod pattern;
 mod photographs;
@@ -14,7 +15,8 @@ pub mod separation;
 mod setup;
 
 pub use capture::{Capture, Remark};
-pub use develop::{DevelopedPosition, Developer, Loss, Tile};
+pub use develop::{Developer, Loss};
+pub use developed::{DevelopedPosition, Tile};
 pub use error::CaptureError;
 pub use pattern::{Scheme, ShownPattern};
 pub use photographs::{PhotographRow, Photographs};

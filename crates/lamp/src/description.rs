@@ -1,11 +1,14 @@
 //! Reading `light.toml` (FORMAT.md §2, contract version 1).
 
+mod text;
+
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use relumine_radiometry::files::{self, FileError, Picture};
 use relumine_radiometry::{DescriptionError, Image, Radiance, parse_toml, read_text, srgb_decode};
-use serde::Deserialize;
+
+use text::{EnvironmentText, MosaicText, RectangleText, SlideText, SpotText, Text};
 
 use crate::{Disk, Environment, Lamp, Placement, Rectangle, Slide, Sphere};
 
@@ -51,136 +54,6 @@ pub enum LightError {
         /// What was expected and what came.
         reason: String,
     },
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Text {
-    format: String,
-    #[serde(default)]
-    point: Vec<PointText>,
-    #[serde(default)]
-    spot: Vec<SpotText>,
-    #[serde(default)]
-    sphere: Vec<SphereText>,
-    #[serde(default)]
-    rectangle: Vec<RectangleText>,
-    #[serde(default)]
-    disk: Vec<DiskText>,
-    #[serde(default)]
-    sun: Vec<SunText>,
-    #[serde(default)]
-    shaft: Vec<ShaftText>,
-    #[serde(default)]
-    slide: Vec<SlideText>,
-    environment: Option<EnvironmentText>,
-    mosaic: Option<MosaicText>,
-    placement: Option<PlacementText>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PointText {
-    position: [f64; 3],
-    intensity_w_sr: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SpotText {
-    position: [f64; 3],
-    target: [f64; 3],
-    intensity_w_sr: [f64; 3],
-    beam_half_angle_deg: f64,
-    cutoff_half_angle_deg: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SphereText {
-    center: [f64; 3],
-    radius_m: f64,
-    radiance: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RectangleText {
-    corner: [f64; 3],
-    edge_u: [f64; 3],
-    edge_v: [f64; 3],
-    radiance: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct DiskText {
-    center: [f64; 3],
-    normal: [f64; 3],
-    radius_m: f64,
-    radiance: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SunText {
-    direction: [f64; 3],
-    irradiance_w_m2: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ShaftText {
-    origin: [f64; 3],
-    direction: [f64; 3],
-    radius_m: f64,
-    irradiance_w_m2: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct SlideText {
-    position: [f64; 3],
-    target: [f64; 3],
-    #[serde(default = "upward")]
-    up: [f64; 3],
-    half_width: f64,
-    picture: PathBuf,
-    intensity_w_sr: [f64; 3],
-}
-
-fn upward() -> [f64; 3] {
-    [0.0, 0.0, 1.0]
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct EnvironmentText {
-    map: Option<PathBuf>,
-    radiance: Option<[f64; 3]>,
-    #[serde(default)]
-    rotation_deg: f64,
-    #[serde(default = "one")]
-    scale: f64,
-}
-
-fn one() -> f64 {
-    1.0
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct MosaicText {
-    file: PathBuf,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct PlacementText {
-    #[serde(default)]
-    translate_m: [f64; 3],
-    #[serde(default)]
-    rotate_deg: f64,
 }
 
 impl Light {

@@ -14,6 +14,7 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use crate::Error;
+use crate::queue::Queue;
 
 /// How to develop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,11 +96,8 @@ pub struct Development {
     capture: PathBuf,
     developer: Developer,
     writer: FieldWriter,
-    together: usize,
-    waiting: VecDeque<usize>,
-    ready: VecDeque<PositionOutcome>,
+    queue: Queue,
     already_done: Vec<PositionOutcome>,
-    failed: bool,
 }
 
 impl Development {
@@ -131,16 +129,8 @@ impl Development {
         let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
         let [tile_height, tile_width] = writer.blocks().tile();
         let position_bytes = developer.bytes_per_position(tile_height * tile_width);
-        Ok(Self {
-            capture: path,
-            together: (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads()),
-            waiting,
-            ready: VecDeque::new(),
-            already_done,
-            failed: false,
-            developer,
-            writer,
-        })
+        let together = (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads());
+        Ok(Self { capture: path, queue: Queue::new(waiting, together), already_done, developer, writer })
     }
 
     /// Number of positions in all.
@@ -174,10 +164,10 @@ impl Development {
     }
 
     fn develop(&self, position: usize) -> Result<PositionOutcome, Error> {
-        let (developed, losses) = self.developer.develop(position)?;
+        let developed = self.developer.develop(position)?;
         let record = match &developed {
-            Some(developed) => self.write_developed(developed)?,
-            None => self.write_missing(position, &losses)?,
+            Ok(developed) => self.write_developed(developed)?,
+            Err(losses) => self.write_missing(position, losses)?,
         };
         let clipped = developed.as_ref().map_or(&[][..], DevelopedPosition::clipped);
         let outcome = PositionOutcome::of(&record).ok_or_else(|| FieldError::Damaged {
@@ -240,21 +230,11 @@ impl Iterator for Development {
     type Item = Result<PositionOutcome, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.ready.is_empty() && !self.failed {
-            // Positions go side by side as far as memory allows, and inside each of them photographs and rows do.
-            let batch: Vec<usize> = self.waiting.drain(..self.together.min(self.waiting.len())).collect();
-            let done: Vec<_> = batch.into_par_iter().map(|position| self.develop(position)).collect();
-            for outcome in done {
-                match outcome {
-                    Ok(outcome) => self.ready.push_back(outcome),
-                    Err(error) => {
-                        self.failed = true;
-                        return Some(Err(error));
-                    }
-                }
-            }
-        }
-        self.ready.pop_front().map(Ok)
+        // Positions go side by side as far as memory allows, and inside each of them photographs and strips do.
+        let mut queue = std::mem::take(&mut self.queue);
+        let next = queue.next(|position| self.develop(position));
+        self.queue = queue;
+        next
     }
 }
 

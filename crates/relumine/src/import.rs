@@ -2,18 +2,17 @@
 
 mod lamp_list;
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use rayon::prelude::*;
 use relumine_basis::{Cells, Layout, Partition, Reach};
 use relumine_field::{Extent, FieldWriter, Header, Lamps, PositionRecord};
 use relumine_radiometry::files::{self, Picture};
 use relumine_radiometry::{Image, Linearization, Radiance, Response};
 use serde_json::json;
 
+use crate::queue::Queue;
 use crate::{DevelopedReport, Error, PositionOutcome};
 pub use lamp_list::{LampList, LampPhotograph};
 
@@ -40,10 +39,8 @@ pub struct Import {
     size: (usize, usize),
     camera: [Linearization; 2],
     writer: FieldWriter,
-    waiting: VecDeque<usize>,
-    ready: VecDeque<PositionOutcome>,
+    queue: Queue,
     already_done: Vec<PositionOutcome>,
-    failed: bool,
 }
 
 impl Import {
@@ -87,9 +84,7 @@ impl Import {
             source: source.to_path_buf(),
             camera: [u8::MAX.into(), u16::MAX].map(|white| Linearization::new(&options.response, 0, white)),
             already_done,
-            waiting,
-            ready: VecDeque::new(),
-            failed: false,
+            queue: Queue::new(waiting, 2 * rayon::current_num_threads()),
             list,
             cells,
             size,
@@ -188,21 +183,10 @@ impl Iterator for Import {
     type Item = Result<PositionOutcome, Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.ready.is_empty() && !self.failed {
-            let together = (2 * rayon::current_num_threads()).min(self.waiting.len());
-            let batch: Vec<usize> = self.waiting.drain(..together).collect();
-            let done: Vec<_> = batch.into_par_iter().map(|index| self.import(index)).collect();
-            for outcome in done {
-                match outcome {
-                    Ok(outcome) => self.ready.push_back(outcome),
-                    Err(error) => {
-                        self.failed = true;
-                        return Some(Err(error));
-                    }
-                }
-            }
-        }
-        self.ready.pop_front().map(Ok)
+        let mut queue = std::mem::take(&mut self.queue);
+        let next = queue.next(|index| self.import(index));
+        self.queue = queue;
+        next
     }
 }
 

@@ -31,6 +31,7 @@ mod develop;
 mod error;
 mod import;
 mod lights;
+mod queue;
 
 pub use check::CaptureCheck;
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
