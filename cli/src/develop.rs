@@ -89,6 +89,9 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     .with_hint("the field can be relit; `relumine inspect` lists every loss"))
 }
 
+/// No projector shows a black as bright as this share of its white.
+const AMBIENT: f64 = 0.03;
+
 /// Residuals and noise over all positions; the field keeps them for each.
 fn summarise(outcomes: &[PositionOutcome], positions: usize, talk: &Talk) {
     talk.say(format!("{positions} positions developed"));
@@ -110,6 +113,14 @@ fn summarise(outcomes: &[PositionOutcome], positions: usize, talk: &Talk) {
     line("residual against the white frame, %", 100.0, 4, &|outcome| outcome.report.residual_white);
     line("black level of the projector, %", 100.0, 3, &|outcome| outcome.report.black_level);
     line("noise of one photograph, radiance", 1.0, 6, &|outcome| outcome.report.noise);
+    let brightest_black = outcomes.iter().filter_map(|outcome| outcome.report.black_level).fold(0.0, f64::max);
+    if brightest_black > AMBIENT {
+        talk.say(format!(
+            "  black is {:.1} % of white: was there other light in the room? It is subtracted, but squares then come out \
+             too bright by as much; give the projector's own with --black-level",
+            100.0 * brightest_black
+        ));
+    }
     let clipped: usize = outcomes.iter().map(|outcome| outcome.report.clipped_pixels).sum();
     if clipped > 0 {
         talk.say(format!("  {clipped} pixels (over all positions) are clipped in every exposure of some photograph"));
