@@ -8,9 +8,9 @@
 //!
 //! Photographs are noisy, so a block's row combs and column combs do not have quite the same total, and no table has both.
 //! They are reconciled first: each block's total is the mean of the two, all totals are scaled so that they add to the white
-//! frame (one photograph that carries all the light, hence the least noise), and the margins are scaled to their total. The
-//! fit then has a solution, every comb is explained up to its own noise, and the squares add up to the white frame. Noise
-//! is cut off at zero once a block, not once a square: hundreds of cells that are each a little too bright add up.
+//! frame, and the margins are scaled to their total. The fit then has a solution: the squares add up to the white frame,
+//! its noise included, and every comb is explained up to noise. Noise is cut off at zero once a block, not once a square:
+//! hundreds of cells that are each a little too bright add up.
 
 use super::{Combs, separate_minimum};
 
