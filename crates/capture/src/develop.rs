@@ -77,7 +77,7 @@ impl Developer {
         self.method
     }
 
-    /// Bytes that one position needs in memory while it is developed, tiles of `tile_pixels` included.
+    /// Bytes that one position needs in memory while it is developed, and `tile_pixels` of its squares are told apart.
     pub fn bytes_per_position(&self, tile_pixels: usize) -> usize {
         let (width, height) = self.capture.setup().picture_size();
         let squares = self.capture.setup().cells().squares();

@@ -79,6 +79,20 @@ impl Blocks {
         }
     }
 
+    /// The pixels of every block of a tile, row-major, cut at the picture's border; some may be empty.
+    pub fn in_tile(&self, tile: [usize; 2]) -> Vec<Extent> {
+        let all = self.tile_extent(tile);
+        let [down, across] = self.tile;
+        let blocks = (0..down).flat_map(|row| (0..across).map(move |column| [row, column]));
+        let moved = |range: Range<usize>, start: usize| range.start + start..range.end + start;
+        blocks
+            .map(|block| {
+                let inner = self.block_in_tile(&all, block);
+                Extent { columns: moved(inner.columns, all.columns.start), rows: moved(inner.rows, all.rows.start) }
+            })
+            .collect()
+    }
+
     /// The pixels of block (row, column) of a tile, relative to the tile's corner, cut at `extent`, the tile's own.
     pub fn block_in_tile(&self, extent: &Extent, [row, column]: [usize; 2]) -> Extent {
         let cut =

@@ -4,7 +4,7 @@
 //! in the order [v][u][block row][block column], all ones for a block that is not stored, then the CRC-32C of the index.
 
 use std::fs::File;
-use std::io;
+use std::io::{self, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -17,59 +17,57 @@ const NOT_STORED: u64 = u64::MAX;
 const CRC_BYTES: usize = 4;
 const ENTRY_BYTES: usize = 16;
 
-/// The bytes of a shard. `values` are `[square][channel][row][column]` of the pixels in `extent`.
-pub(crate) fn encode(blocks: &Blocks, squares: usize, extent: &Extent, values: &[f16]) -> io::Result<Vec<u8>> {
-    let [down, across] = blocks.blocks_per_tile();
-    let [block_height, block_width] = blocks.block();
-    let plane = extent.pixels();
-    assert_eq!(values.len(), squares * 3 * plane, "a shard needs every square of its tile");
-    let mut bytes = Vec::new();
-    let mut index = Vec::with_capacity(squares * down * across * ENTRY_BYTES);
-    let mut raw = vec![0u8; 3 * block_height * block_width * 2];
+/// The zstd frame of each square of one block; `None` for a square without light there. `values` are
+/// `[square][channel][row][column]` of the pixels in `extent`, which the block may overhang.
+pub(crate) fn compress(blocks: &Blocks, extent: &Extent, values: &[f16]) -> io::Result<Vec<Option<Vec<u8>>>> {
+    let [height, width] = blocks.block();
+    let mut raw = vec![0u8; 3 * height * width * 2];
     let mut compressor = zstd::bulk::Compressor::new(zarr::ZSTD_LEVEL)?;
     compressor.include_checksum(true)?;
+    values
+        .chunks_exact(3 * extent.pixels())
+        .map(|square| {
+            if square.iter().all(|value| value.to_bits() == 0) {
+                return Ok(None);
+            }
+            pad(square, extent, [height, width], &mut raw);
+            compressor.compress(&raw).map(Some)
+        })
+        .collect()
+}
+
+/// Copies the pixels of one square's block into `raw`, zeros where the block overhangs the picture.
+fn pad(square: &[f16], extent: &Extent, [height, width]: [usize; 2], raw: &mut [u8]) {
+    raw.fill(0);
+    for (index, row) in square.chunks_exact(extent.columns.len()).enumerate() {
+        let (channel, y) = (index / extent.rows.len(), index % extent.rows.len());
+        let to = (channel * height + y) * width * 2;
+        for (value, bytes) in row.iter().zip(raw[to..].chunks_exact_mut(2)) {
+            bytes.copy_from_slice(&value.to_le_bytes());
+        }
+    }
+}
+
+/// Writes a shard: the frames of all blocks, `[block][square]` with the blocks in row-major order, and their index.
+pub(crate) fn write(out: &mut impl Write, squares: usize, frames: &[Vec<Option<Vec<u8>>>]) -> io::Result<()> {
+    let mut index = Vec::with_capacity(squares * frames.len() * ENTRY_BYTES);
+    let mut offset = 0u64;
     for square in 0..squares {
-        for block in (0..down).flat_map(|j| (0..across).map(move |i| [j, i])) {
-            let inner = blocks.block_in_tile(extent, block);
-            let stored = gather(
-                &values[square * 3 * plane..][..3 * plane],
-                extent,
-                &inner,
-                [block_height, block_width],
-                &mut raw,
-            );
-            let entry = if stored {
-                let frame = compressor.compress(&raw)?;
-                let entry = [bytes.len() as u64, frame.len() as u64];
-                bytes.extend_from_slice(&frame);
-                entry
-            } else {
-                [NOT_STORED; 2]
+        for block in frames {
+            let entry = match block.get(square).and_then(Option::as_ref) {
+                Some(frame) => {
+                    out.write_all(frame)?;
+                    offset += frame.len() as u64;
+                    [offset - frame.len() as u64, frame.len() as u64]
+                }
+                None => [NOT_STORED; 2],
             };
             index.extend(entry.iter().flat_map(|number| number.to_le_bytes()));
         }
     }
     let checksum = crc32c::crc32c(&index);
-    bytes.extend_from_slice(&index);
-    bytes.extend_from_slice(&checksum.to_le_bytes());
-    Ok(bytes)
-}
-
-/// Copies the pixels of one block into `raw`, padded with zeros; whether there is any light in them.
-fn gather(square: &[f16], extent: &Extent, inner: &Extent, [height, width]: [usize; 2], raw: &mut [u8]) -> bool {
-    raw.fill(0);
-    let mut any = 0;
-    for channel in 0..3 {
-        for (y, row) in inner.rows.clone().enumerate() {
-            let from = (channel * extent.rows.len() + row) * extent.columns.len() + inner.columns.start;
-            let to = (channel * height + y) * width * 2;
-            for (value, bytes) in square[from..from + inner.columns.len()].iter().zip(raw[to..].chunks_exact_mut(2)) {
-                bytes.copy_from_slice(&value.to_le_bytes());
-                any |= value.to_bits();
-            }
-        }
-    }
-    any != 0
+    out.write_all(&index)?;
+    out.write_all(&checksum.to_le_bytes())
 }
 
 /// A shard open for reading: its index is in memory, its blocks are read when they are asked for.

@@ -10,12 +10,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use half::f16;
+use rayon::prelude::*;
 use relumine_basis::Cells;
 use relumine_radiometry::files::write_atomically;
 use serde_json::json;
 
 use crate::journal::Journal;
-use crate::{Blocks, FieldError, Header, PositionRecord, manifest, shard, zarr};
+use crate::{Blocks, Extent, FieldError, Header, PositionRecord, manifest, shard, zarr};
 
 /// Writes one field. Positions may be written from several threads at once, each position by one.
 pub struct FieldWriter {
@@ -126,17 +127,61 @@ impl FieldWriter {
     /// `[v · M + u][channel][row][column]` of the tile's own pixels.
     ///
     /// # Errors
-    /// If it cannot be written; then the position is not done and can be written again.
+    /// As [`FieldWriter::write_blocks`].
+    ///
+    /// # Panics
+    /// If there are more or fewer values.
     pub fn write_tile(&self, position: usize, tile: [usize; 2], values: &[f16]) -> Result<(), FieldError> {
-        let squares = self.cells.squares() * self.cells.squares();
+        let all = self.blocks.tile_extent(tile);
+        let planes = 3 * self.cells.squares() * self.cells.squares();
+        assert_eq!(values.len(), planes * all.pixels(), "a tile needs every pixel of every square");
+        let block_of = |extent: &Extent| {
+            let rows = extent.rows.start - all.rows.start..extent.rows.end - all.rows.start;
+            let columns = extent.columns.start - all.columns.start..extent.columns.end - all.columns.start;
+            let mut block = Vec::with_capacity(planes * extent.pixels());
+            for plane in values.chunks_exact(all.pixels()) {
+                for row in plane.chunks_exact(all.columns.len()).skip(rows.start).take(rows.len()) {
+                    block.extend_from_slice(&row[columns.clone()]);
+                }
+            }
+            (block, ())
+        };
+        self.write_blocks(position, tile, block_of).map(|_| ())
+    }
+
+    /// Writes one tile of a position, block by block, several at once: `values_of` gives the transfers over the position's
+    /// scale of a block of pixels, `[v · M + u][channel][row][column]`, and whatever else the caller wants to know of the
+    /// block, which comes back in the order of the blocks.
+    ///
+    /// # Errors
+    /// If it cannot be written; then the position is not done and can be written again.
+    pub fn write_blocks<T: Send>(
+        &self,
+        position: usize,
+        tile: [usize; 2],
+        values_of: impl Fn(&Extent) -> (Vec<f16>, T) + Sync,
+    ) -> Result<Vec<T>, FieldError> {
         let path = shard_path(&self.field, position, tile);
         let write = |source| FieldError::Write { path: path.clone(), source };
-        let bytes = shard::encode(&self.blocks, squares, &self.blocks.tile_extent(tile), values).map_err(write)?;
+        let blocks = self.blocks.in_tile(tile);
+        let compressed: Vec<_> = blocks
+            .into_par_iter()
+            .map(|extent| {
+                if extent.pixels() == 0 {
+                    return Ok((Vec::new(), None));
+                }
+                let (values, known) = values_of(&extent);
+                Ok((shard::compress(&self.blocks, &extent, &values)?, Some(known)))
+            })
+            .collect::<io::Result<_>>()
+            .map_err(write)?;
+        let (frames, known): (Vec<_>, Vec<_>) = compressed.into_iter().unzip();
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(write)?;
         }
-        write_atomically(&path, |file| file.write_all(&bytes))?;
-        Ok(())
+        let squares = self.cells.squares() * self.cells.squares();
+        write_atomically(&path, |file| shard::write(file, squares, &frames))?;
+        Ok(known.into_iter().flatten().collect())
     }
 
     /// Writes how often each pixel of a position was clipped, and then that the position is done.

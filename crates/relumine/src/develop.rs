@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
-use rayon::prelude::*;
 use relumine_capture::separation::{Method, Residual};
 use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Tile};
 use relumine_field::{Extent, FieldError, FieldWriter, Header, PositionRecord};
@@ -127,8 +126,8 @@ impl Development {
         let header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
         let writer = FieldWriter::open(field, header, &input, options.replace)?;
         let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
-        let [tile_height, tile_width] = writer.blocks().tile();
-        let position_bytes = developer.bytes_per_position(tile_height * tile_width);
+        let [block_height, block_width] = writer.blocks().block();
+        let position_bytes = developer.bytes_per_position(block_height * block_width * rayon::current_num_threads());
         let together = (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads());
         Ok(Self { capture: path, queue: Queue::new(waiting, together), already_done, developer, writer })
     }
@@ -183,11 +182,14 @@ impl Development {
         let scale = FieldWriter::scale_for(developed.transfer_bound());
         let (mut residual, mut residual_of_minimum) = (Residual::default(), Residual::default());
         for tile in self.writer.blocks().all_tiles() {
-            let Extent { columns, rows } = self.writer.blocks().tile_extent(tile);
-            let separated = developed.separate(columns, rows);
-            residual.add(separated.residual);
-            residual_of_minimum.add(separated.residual_of_minimum);
-            self.writer.write_tile(position, tile, &halves(&separated, scale))?;
+            let separated = |extent: &Extent| {
+                let block = developed.separate(extent.columns.clone(), extent.rows.clone());
+                (halves(&block, scale), (block.residual, block.residual_of_minimum))
+            };
+            for (fitted, minimum) in self.writer.write_blocks(position, tile, separated)? {
+                residual.add(fitted);
+                residual_of_minimum.add(minimum);
+            }
         }
         let present = developed.present();
         let report = DevelopedReport {
@@ -238,19 +240,19 @@ impl Iterator for Development {
     }
 }
 
-/// A tile as halves over `scale`, from `[square][row][column][channel]` to `[square][channel][row][column]`.
+/// A block as halves over `scale`, from `[square][row][column][channel]` to `[square][channel][row][column]`.
 fn halves(tile: &Tile, scale: f32) -> Vec<f16> {
     let pixels = tile.columns.len() * tile.rows.len();
     let mut halves = vec![f16::ZERO; tile.transfer.len()];
-    halves.par_chunks_exact_mut(3 * pixels).zip(tile.transfer.par_chunks_exact(3 * pixels)).for_each(
-        |(halves, transfer)| {
-            let planar: Vec<f32> = (0..3)
-                .flat_map(|channel| transfer.iter().skip(channel).step_by(3))
-                .map(|value| (value / scale).min(f16::MAX.to_f32()))
-                .collect();
-            halves.convert_from_f32_slice(&planar);
-        },
-    );
+    let mut planar = vec![0.0f32; 3 * pixels];
+    for (halves, transfer) in halves.chunks_exact_mut(3 * pixels).zip(tile.transfer.chunks_exact(3 * pixels)) {
+        for (pixel, sample) in transfer.chunks_exact(3).enumerate() {
+            for channel in 0..3 {
+                planar[channel * pixels + pixel] = (sample[channel] / scale).min(f16::MAX.to_f32());
+            }
+        }
+        halves.convert_from_f32_slice(&planar);
+    }
     halves
 }
 
