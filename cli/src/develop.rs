@@ -71,9 +71,9 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     }
     bar.finish_and_clear();
     outcomes.sort_by_key(|outcome| outcome.position);
-    let positions = development.positions();
+    let (positions, squares) = (development.positions(), development.squares());
     development.finish()?;
-    summarise(&outcomes, positions, talk);
+    summarise(&outcomes, positions, squares, talk);
     let missing: usize = outcomes.iter().map(|outcome| outcome.missing_squares).sum();
     let losses: Vec<String> = outcomes.iter().flat_map(|outcome| outcome.report.losses.clone()).collect();
     if losses.is_empty() {
@@ -89,11 +89,14 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     .with_hint("the field can be relit; `relumine inspect` lists every loss"))
 }
 
+/// Photographs that disagree by more than this share do not disagree by noise.
+const CONTRADICTION: f64 = 0.2;
+
 /// No projector shows a black as bright as this share of its white.
 const AMBIENT: f64 = 0.03;
 
 /// Residuals and noise over all positions; the field keeps them for each.
-fn summarise(outcomes: &[PositionOutcome], positions: usize, talk: &Talk) {
+fn summarise(outcomes: &[PositionOutcome], positions: usize, squares: usize, talk: &Talk) {
     talk.say(format!("{positions} positions developed"));
     let line = |name: &str, unit: f64, digits: usize, value: &dyn Fn(&PositionOutcome) -> Option<f64>| {
         let mut values: Vec<f64> = outcomes.iter().filter_map(value).collect();
@@ -119,6 +122,26 @@ fn summarise(outcomes: &[PositionOutcome], positions: usize, talk: &Talk) {
             "  black is {:.1} % of white: was there other light in the room? It is subtracted, but squares then come out \
              too bright by as much; give the projector's own with --black-level",
             100.0 * brightest_black
+        ));
+    }
+    let contradicts = outcomes.iter().filter(|outcome| {
+        let report = &outcome.report;
+        report.residual_white.is_some_and(|residual| residual > CONTRADICTION)
+            || report.residual_combs.is_some_and(|residual| residual > CONTRADICTION)
+    });
+    let contradicts: Vec<String> = contradicts.map(|outcome| outcome.position.to_string()).collect();
+    if !contradicts.is_empty() {
+        talk.say(format!(
+            "  the photographs of positions {} contradict each other: is an exposure wrong, a pattern swapped, the white \
+             frame of another exposure than listed?",
+            contradicts.join(", ")
+        ));
+    }
+    let developed = outcomes.iter().filter(|outcome| outcome.missing_squares < squares);
+    let unknown = developed.filter(|outcome| outcome.report.black_level.is_none()).count();
+    if unknown > 0 {
+        talk.say(format!(
+            "  the projector's black level could not be measured at {unknown} positions: give --black-level"
         ));
     }
     let clipped: usize = outcomes.iter().map(|outcome| outcome.report.clipped_pixels).sum();

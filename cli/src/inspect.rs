@@ -4,7 +4,7 @@ mod capture;
 mod field;
 mod picture;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -40,6 +40,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         };
     }
     match extension.as_deref() {
+        Some("toml") if path.file_name().is_some_and(|name| name == "capture.toml") => {
+            capture::inspect(path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")))
+        }
         Some("toml") => picture::inspect_light(path),
         Some("lp" | "csv") => picture::inspect_lamps(path),
         _ => picture::inspect(path),

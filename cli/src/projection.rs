@@ -61,8 +61,8 @@ impl ProjectionArguments {
         if self.object_radius.is_some_and(|radius| radius.is_nan() || radius <= 0.0) {
             return Err(Failure::usage("--object-radius must be above 0"));
         }
-        if self.samples == 0 || self.samples > 1 << 32 {
-            return Err(Failure::usage("--samples must be 1 to 4294967296"));
+        if self.samples == 0 || self.samples > 1 << 28 {
+            return Err(Failure::usage("--samples must be 1 to 268435456"));
         }
         let kind = self.kind.map(|kind| match kind {
             Kind::Mosaic => LightKind::Mosaic,
@@ -97,7 +97,10 @@ impl ProjectionArguments {
             (projected.lost.outside_pattern, "passes outside the projector's pattern"),
         ] {
             if share > 1e-4 {
-                talk.say(format!("  {:.2} % of what its lamps send to the object {why} and is lost", 100.0 * share));
+                talk.say(format!(
+                    "  {:.2} % of what its lamps and the highlights of its sky send to the object {why} and is lost",
+                    100.0 * share
+                ));
             }
         }
         if projected.flux == [0.0; 3] {

@@ -209,7 +209,7 @@ fn a_value_that_cannot_be_is_refused() {
         ("width = 20", "width = 0", "picture"),
         ("white_level = 65535", "white_level = 0", "white_level"),
         ("scheme = \"combs\"", "scheme = \"comb\"", "scheme"),
-        ("spacing = 2", "spacing = 5", "spacing"),
+        ("spacing = 2", "spacing = 0", "spacing"),
         ("capture/1", "capture/2", "format"),
     ] {
         let studio = Studio::new(&Plan::default());

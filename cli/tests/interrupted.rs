@@ -53,6 +53,8 @@ fn finishes_as_if_nothing_had_been(studio: &Studio, field: &Path, words: &[&str]
 /// An unfinished field whose journal says that all positions are done: something stands where its metadata should go.
 fn all_but_finished(studio: &Studio, field: &Path) {
     let partial = field.with_extension("field.partial");
+    // Begun, so that what stands in the way is taken for a part of it.
+    assert_eq!(develop_on_a_full_disk(studio, field, 1, false).code, Some(1));
     fs::create_dir_all(partial.join("field/zarr.json/in the way")).unwrap();
     let run = studio.develop(field);
     assert_eq!(run.code, Some(1), "{run:#?}");

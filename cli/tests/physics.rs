@@ -41,7 +41,7 @@ fn plane_plan() -> Plan {
 }
 
 /// Photographs of a horizontal matte white plane, computed on paper: a projector at P that lights a flat screen evenly has
-/// the intensity I₀/cos³a (MATH.md), so a point X shows ALBEDO/π · I₀/cos³a · cosθ/d² under the square that X falls in.
+/// the intensity I₀/cos³a (docs/MATH.md), so a point X shows ALBEDO/π · I₀/cos³a · cosθ/d² under the square that X falls in.
 fn plane_studio() -> Studio {
     let plan = plane_plan();
     let (radius, half_width, m) = (plan.radius_m, plan.half_width, plan.squares as f64);
@@ -72,7 +72,7 @@ fn plane_studio() -> Studio {
 }
 
 /// What four rings of positions make of the irradiance of a constant sky on a horizontal plane, over what it is. Box: each
-/// ring counts for its band, which gives 1/cos(Δθ/2) (MATH.md). Linear: for the hat function between its neighbours.
+/// ring counts for its band, which gives 1/cos(Δθ/2) (docs/MATH.md). Linear: for the hat function between its neighbours.
 fn quadrature(between: &str) -> f64 {
     if between == "box" {
         return 1.0 / (PI / 16.0).cos();
@@ -243,7 +243,7 @@ fn a_painted_mosaic_lights_exactly_the_cell_it_says() {
     let studio = Studio::new(&Plan::default());
     let path = studio.field();
     let field = ReflectanceField::open(&path).unwrap();
-    // Position (azimuth 1, tilt 0), square (u, v) = (2, 3) is pixel (4 + 2, 3) of the mosaic (DESIGN.md §2).
+    // Position (azimuth 1, tilt 0), square (u, v) = (2, 3) is pixel (4 + 2, 3) of the mosaic (FORMAT.md).
     let light = studio.path("one.exr");
     support::studio::write_exr(&light, (8, 8), |x, y| if (x, y) == (6, 3) { [2.0, 1.0, 0.5] } else { [0.0; 3] });
     let relit = studio.relit(&path, &light, &[]);

@@ -26,7 +26,8 @@ pub(super) fn inspect(path: &Path) -> Result<(), Failure> {
     line("cells", cells.len().to_string())?;
     line("pictures", format!("{width} × {height}"))?;
     line("made", field.header().made.to_string())?;
-    let reports: Vec<DevelopedReport> = field.records().iter().filter_map(DevelopedReport::of).collect();
+    let reports: Vec<DevelopedReport> =
+        field.records().iter().map(|record| DevelopedReport::of(record).unwrap_or_default()).collect();
     for (name, value) in [
         ("combs, %", (|report| report.residual_combs) as fn(&DevelopedReport) -> Option<f64>),
         ("white, %", |report| report.residual_white),

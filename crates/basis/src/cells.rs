@@ -168,13 +168,13 @@ impl Cells {
         let outward = match self.reach {
             Reach::Far => -direction,
             Reach::Near { radius_m, .. } => {
-                // |point + x·direction| = R, the smaller root: the way in.
-                let b = point.dot(direction);
-                let discriminant = b * b - (point.length_squared() - radius_m * radius_m);
-                if discriminant < 0.0 {
+                // From the foot of the perpendicular, where far points have lost no digits, back to the way in.
+                let foot = point.reject_from_normalized(direction);
+                let squared = radius_m * radius_m - foot.length_squared();
+                if squared < 0.0 {
                     return Entry::Misses;
                 }
-                (point + direction * (-b - discriminant.sqrt())) / radius_m
+                (foot - direction * squared.sqrt()) / radius_m
             }
         };
         if outward.z < 0.0 {

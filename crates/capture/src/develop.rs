@@ -123,10 +123,10 @@ impl Developer {
         let mut white = self.white(position, &mut losses)?;
         let black = black.radiance.into_pixels().into_flattened();
         let black_level = match self.black_level {
-            Some(black_level) => black_level,
+            Some(black_level) => Some(black_level),
             None => measured_black_level(setup.scheme(), &black, &frames, white.as_deref()),
         };
-        let scale = (1.0 / (1.0 - black_level)) as f32;
+        let scale = (1.0 / (1.0 - black_level.unwrap_or(0.0))) as f32;
         frames.par_iter_mut().flatten().chain(white.par_iter_mut()).for_each(|frame| {
             frame.iter_mut().zip(&black).for_each(|(value, black)| *value = (*value - black) * scale);
         });
@@ -134,7 +134,7 @@ impl Developer {
         Ok(Ok(DevelopedPosition { setup, method, position, frames, white, black_level, clipped, losses }))
     }
 
-    /// The white frame, NaN where every exposure is clipped; not having one loses nothing.
+    /// The white frame, NaN where no exposure saw it; not having one loses nothing.
     fn white(&self, position: usize, losses: &mut Vec<Loss>) -> Result<Option<Vec<f32>>, CaptureError> {
         if self.capture.exposures(position, ShownPattern::White).is_empty() {
             return Ok(None);
@@ -143,7 +143,7 @@ impl Developer {
         Ok(merged.map(|merged| {
             let mut pixels = merged.radiance.into_pixels();
             for (pixel, seen) in pixels.iter_mut().zip(&merged.visibility) {
-                if *seen == Visibility::Clipped {
+                if *seen != Visibility::Seen {
                     *pixel = [f32::NAN; 3];
                 }
             }
@@ -242,22 +242,30 @@ impl Developer {
     }
 }
 
-/// b from the ratio of the black frame to the white one, over all pixels; without a white frame, from the sum of all
-/// squares, which the scheme photographs once (squares) or twice (combs).
-fn measured_black_level(scheme: Scheme, black: &[f32], frames: &[Option<Vec<f32>>], white: Option<&[f32]>) -> f64 {
-    let sum = |frame: &[f32]| frame.iter().filter(|value| !value.is_nan()).map(|value| f64::from(*value)).sum::<f64>();
+/// b from the ratio of the black frame to the white one, over all pixels. Without a white frame, from the sum of
+/// photographs that light every square once: all single squares, or one family of combs. `None` if there is neither.
+fn measured_black_level(
+    scheme: Scheme,
+    black: &[f32],
+    frames: &[Option<Vec<f32>>],
+    white: Option<&[f32]>,
+) -> Option<f64> {
+    let sum = |frame: &[f32]| frame.iter().map(|value| f64::from(*value)).sum::<f64>();
     if let Some(white) = white {
         let trusted = black.iter().zip(white).filter(|(_, white)| !white.is_nan());
         let (black, white) =
             trusted.fold((0.0, 0.0), |(b, w), (black, white)| (b + f64::from(*black), w + f64::from(*white)));
-        return if white > 0.0 { (black / white).clamp(0.0, 0.5) } else { 0.0 };
+        if white > 0.0 {
+            return Some((black / white).clamp(0.0, 0.5));
+        }
     }
-    if frames.iter().any(Option::is_none) {
-        return 0.0;
-    }
+    let families = match scheme {
+        Scheme::Combs { .. } => frames.chunks(frames.len() / 2),
+        Scheme::Squares => frames.chunks(frames.len()),
+    };
     let black = sum(black);
-    let times = if matches!(scheme, Scheme::Combs { .. }) { 2.0 } else { 1.0 };
+    let whole = families.filter(|family| family.iter().all(Option::is_some));
     // Σ (photograph − black) = (1 − b)·white and black = b·white.
-    let lit = frames.iter().flatten().map(|frame| sum(frame) - black).sum::<f64>() / times;
-    if lit > 0.0 { (black / (lit + black)).clamp(0.0, 0.5) } else { 0.0 }
+    let lit = whole.map(|family| family.iter().flatten().map(|frame| sum(frame) - black).sum::<f64>());
+    lit.filter(|lit| *lit > 0.0).map(|lit| (black / (lit + black)).clamp(0.0, 0.5)).next()
 }

@@ -20,7 +20,7 @@ pub struct DevelopedPosition<'a> {
     pub(crate) frames: Vec<Option<Vec<f32>>>,
     /// The white frame likewise; NaN where every exposure is clipped.
     pub(crate) white: Option<Vec<f32>>,
-    pub(crate) black_level: f64,
+    pub(crate) black_level: Option<f64>,
     pub(crate) clipped: Vec<u8>,
     pub(crate) losses: Vec<Loss>,
 }
@@ -45,8 +45,9 @@ impl DevelopedPosition<'_> {
         self.position
     }
 
-    /// b, the share of white that shines through black here.
-    pub fn black_level(&self) -> f64 {
+    /// b, the share of white that shines through black here; `None` if it could not be measured and nothing was divided by
+    /// 1 − b.
+    pub fn black_level(&self) -> Option<f64> {
         self.black_level
     }
 
@@ -73,7 +74,7 @@ impl DevelopedPosition<'_> {
         }
     }
 
-    /// An upper bound of the transfer of all squares: no square is brighter than the photographs that show it.
+    /// What the transfers of this position reach: no square is brighter than the brightest photograph, up to noise.
     pub fn transfer_bound(&self) -> f64 {
         let setup = self.setup;
         let m = setup.cells().squares();

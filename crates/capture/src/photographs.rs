@@ -35,7 +35,7 @@ pub struct Photographs {
 }
 
 /// Where each exposure of a pattern stands among its exposures, while the table is read.
-type Places = HashMap<(usize, ShownPattern, u64, Option<[u64; 2]>), usize>;
+type Places = HashMap<(usize, ShownPattern, u64), usize>;
 
 /// Longer lines are refused, so that a file without newlines does not fill the memory.
 const LONGEST_LINE: u64 = 64 << 10;
@@ -87,7 +87,8 @@ impl Photographs {
             if bytes.trim_ascii().is_empty() {
                 continue;
             }
-            let fields = std::str::from_utf8(&bytes).map_err(|_| "expected UTF-8 text".to_string()).and_then(fields);
+            let fields =
+                std::str::from_utf8(&bytes).map_err(|_| "expected UTF-8 text".to_string()).and_then(csv_fields);
             if !header_seen {
                 let header = fields.unwrap_or_default();
                 if header != COLUMNS {
@@ -121,8 +122,7 @@ impl Photographs {
 
     fn insert(&mut self, places: &mut Places, position: usize, pattern: ShownPattern, row: PhotographRow) {
         let exposures = self.rows.entry((position, pattern)).or_default();
-        let gain = row.exposure.gain.map(|gain| [gain.iso.to_bits(), gain.f_number.to_bits()]);
-        match places.entry((position, pattern, row.exposure.exposure_s.to_bits(), gain)) {
+        match places.entry((position, pattern, row.exposure.relative().to_bits())) {
             Entry::Occupied(place) => {
                 let earlier = &mut exposures[*place.get()];
                 self.replaced.push((earlier.line, row.line));
@@ -147,7 +147,10 @@ impl Photographs {
 }
 
 /// The fields of one line of CSV; a field may stand in double quotes, a quote inside it doubled.
-fn fields(line: &str) -> Result<Vec<String>, String> {
+///
+/// # Errors
+/// If a quote is not closed.
+pub fn csv_fields(line: &str) -> Result<Vec<String>, String> {
     let mut fields = vec![String::new()];
     let mut quoted = false;
     let mut letters = line.trim_end_matches(['\r', '\n']).trim_start_matches('\u{feff}').chars().peekable();

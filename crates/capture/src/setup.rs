@@ -139,17 +139,16 @@ impl Setup {
         let cells = Cells::new(Partition::new(layout).map_err(geometry)?, reach).map_err(geometry)?;
         let squares = pattern.squares();
         let scheme = match (text.patterns.scheme.as_str(), text.patterns.spacing) {
-            ("combs", spacing) => Scheme::Combs { spacing: spacing.unwrap_or(3) },
+            // Squares farther apart than the pattern is wide stand alone.
+            ("combs", spacing) => Scheme::Combs { spacing: spacing.unwrap_or(3).min(squares) },
             ("squares", None) => Scheme::Squares,
             ("squares", Some(_)) => return Err(fail("patterns: spacing belongs to the scheme \"combs\"".into())),
             (other, _) => {
                 return Err(fail(format!("patterns: scheme must be \"combs\" or \"squares\", found \"{other}\"")));
             }
         };
-        if let Scheme::Combs { spacing } = scheme
-            && !(1..=squares).contains(&spacing)
-        {
-            return Err(fail(format!("patterns: spacing must be 1 to {squares} (the squares), but is {spacing}")));
+        if let Scheme::Combs { spacing: 0 } = scheme {
+            return Err(fail("patterns: spacing must be 1 or more, but is 0".into()));
         }
         let CameraText { width, height, response: response_name, black_level, white_level } = text.camera;
         let side = 1..=Self::MAX_SIDE;

@@ -173,7 +173,7 @@ fn claims_are_refused_before_anything_is_made_of_them() {
         ("azimuths = 12", "azimuths = 9223372036854775807"),
         ("tilts = 4", "tilts = 4294967296"),
         ("squares = 8", "squares = 9223372036854775807"),
-        ("spacing = 3", "spacing = 9223372036854775807"),
+        ("spacing = 3", "spacing = 0"),
         ("width = 192", "width = 9223372036854775807"),
         ("height = 128", "height = 4294967296"),
     ] {

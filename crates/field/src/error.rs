@@ -66,7 +66,7 @@ pub enum FieldError {
     },
     /// An unfinished field that was made from something else.
     #[error(
-        "{} is an unfinished field made from another input or with other options; remove it to start afresh",
+        "{} is an unfinished field made from another input or with other options; remove it, or add --force, to start afresh",
         path.display()
     )]
     OtherUnfinished {

@@ -18,6 +18,9 @@ use serde_json::json;
 use crate::journal::Journal;
 use crate::{Blocks, Extent, FieldError, Header, PositionRecord, manifest, shard, zarr};
 
+/// What an old field is called while a new one takes its name.
+const REPLACED: &str = ".replaced";
+
 /// Writes one field. Positions may be written from several threads at once, each position by one.
 pub struct FieldWriter {
     path: PathBuf,
@@ -40,13 +43,19 @@ impl FieldWriter {
     /// process is writing it, or if nothing can be written.
     pub fn open(path: &Path, header: Header, input: &str, replace: bool) -> Result<Self, FieldError> {
         let geometry = |source| FieldError::Geometry { path: path.to_path_buf(), source };
-        if path.exists() && !replace {
-            return Err(FieldError::Exists { path: path.to_path_buf() });
+        // A writer killed while it renamed: the old field goes back to its name, or away if the new one has it.
+        let replaced = beside(path, REPLACED);
+        if replaced.exists() {
+            let write = |source| FieldError::Write { path: replaced.clone(), source };
+            if path.exists() { fs::remove_dir_all(&replaced) } else { fs::rename(&replaced, path) }.map_err(write)?;
         }
         let is_field = path.join("zarr.json").is_file() && path.join(manifest::NAME).is_file();
-        if path.exists() && !is_field {
+        if path.exists() && replace && !is_field {
             let reason = "only a field is replaced; remove it, or choose another name".into();
             return Err(FieldError::NotAField { path: path.to_path_buf(), reason });
+        }
+        if path.exists() && !replace {
+            return Err(FieldError::Exists { path: path.to_path_buf() });
         }
         let partial = beside(path, ".partial");
         let write = |source| FieldError::Write { path: partial.clone(), source };
@@ -63,14 +72,17 @@ impl FieldWriter {
         let header_text = serde_json::to_string(&header).map_err(|error| write(error.into()))?;
         let input = blake3::hash(format!("{header_text}\n{input}").as_bytes()).to_hex();
         let input_file = partial.join("input.b3");
-        // A writer killed while it cleared away may have left a journal of shards that are gone or of an input unknown.
-        if !(field.is_dir() && input_file.exists()) {
-            for leaving in [&partial.join("journal"), &input_file] {
-                match fs::remove_file(leaving) {
-                    Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(write(error)),
-                    _ => {}
-                }
-            }
+        // A writer killed while it cleared away may have left a journal of shards that are gone or of an input unknown; one
+        // that made something else is to be replaced, if anything is.
+        let same_input = fs::read_to_string(&input_file).is_ok_and(|found| found == input.as_str());
+        if !(field.is_dir() && input_file.exists()) || (replace && !same_input) {
+            let gone = |result: io::Result<()>| match result {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => Err(write(error)),
+                _ => Ok(()),
+            };
+            gone(fs::remove_file(partial.join("journal")))?;
+            gone(fs::remove_file(&input_file))?;
+            gone(fs::remove_dir_all(&field))?;
         }
         fs::create_dir_all(&field).map_err(write)?;
         match fs::read_to_string(&input_file) {
@@ -287,17 +299,15 @@ impl FieldWriter {
     }
 
     fn rename(&self) -> io::Result<()> {
-        let replaced = beside(&self.path, ".replaced");
+        let replaced = beside(&self.path, REPLACED);
         if self.path.exists() {
             fs::rename(&self.path, &replaced)?;
         }
         fs::rename(&self.field, &self.path)?;
         let folder = self.path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         File::open(folder)?.sync_all()?;
-        if replaced.is_dir() {
+        if replaced.exists() {
             fs::remove_dir_all(&replaced)?;
-        } else if replaced.exists() {
-            fs::remove_file(&replaced)?;
         }
         fs::remove_dir_all(&self.partial)
     }

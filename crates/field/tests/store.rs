@@ -141,10 +141,12 @@ fn what_is_there_is_not_overwritten_unasked() {
     assert!(matches!(FieldWriter::open(&path, header(), "other input", true), Err(FieldError::Busy { .. })), "locked");
     write_position(&writer, 0);
     drop(writer);
-    assert!(matches!(FieldWriter::open(&path, header(), "third", true), Err(FieldError::OtherUnfinished { .. })));
     let writer = FieldWriter::open(&path, header(), "other input", true).unwrap();
-    assert_eq!(writer.remaining(), [1, 2, 3]);
-    (1..4).for_each(|position| write_position(&writer, position));
+    assert_eq!(writer.remaining(), [1, 2, 3], "the same input goes on");
+    drop(writer);
+    let writer = FieldWriter::open(&path, header(), "third", true).unwrap();
+    assert_eq!(writer.remaining(), [0, 1, 2, 3], "another one starts afresh");
+    (0..4).for_each(|position| write_position(&writer, position));
     writer.finish().unwrap();
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }
@@ -194,4 +196,30 @@ fn the_scale_puts_the_brightest_transfer_where_halves_are_finest() {
     }
     assert_eq!(FieldWriter::scale_for(0.0), 1.0);
     assert_eq!(FieldWriter::scale_for(f64::NAN), 1.0);
+}
+
+#[test]
+fn a_writer_killed_while_it_renamed_loses_neither_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, replaced) = (folder.path().join("field"), folder.path().join("field.replaced"));
+    write_whole(&path);
+    // Killed between the two renames: the old field has no name. It gets it back.
+    fs::rename(&path, &replaced).unwrap();
+    assert!(matches!(FieldWriter::open(&path, header(), "new", false), Err(FieldError::Exists { .. })));
+    assert_eq!(ReflectanceField::open(&path).unwrap().verify().unwrap(), []);
+    // Killed before the old one was cleared away: the next writer clears it.
+    fs::create_dir(&replaced).unwrap();
+    fs::write(replaced.join("left"), "over").unwrap();
+    let writer = FieldWriter::open(&path, header(), "new", true).unwrap();
+    (0..4).for_each(|position| write_position(&writer, position));
+    writer.finish().unwrap();
+    assert!(!replaced.exists());
+}
+
+#[test]
+fn an_unfinished_field_of_another_input_is_not_mixed_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field");
+    write_position(&FieldWriter::open(&path, header(), "one", false).unwrap(), 0);
+    assert!(matches!(FieldWriter::open(&path, header(), "two", false), Err(FieldError::OtherUnfinished { .. })));
 }

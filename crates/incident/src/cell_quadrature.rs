@@ -4,13 +4,15 @@ use glam::DVec3;
 use rand::{Rng, RngExt};
 use relumine_basis::{Cells, Pattern, Position, Reach};
 
+use crate::Reconstruction;
 use crate::deposit::Deposit;
 
 /// Integrates a light field, given as the radiance of the light that passes `point` in `direction`, with about `samples`
-/// samples in all. For far fields `point` is the origin.
+/// samples in all; `between` says who shares what enters between positions. For far fields `point` is the origin.
 pub(crate) fn integrate(
     radiance: &dyn Fn(DVec3, DVec3) -> DVec3,
     cells: &Cells,
+    between: Reconstruction,
     samples: usize,
     rng: &mut impl Rng,
     deposit: &mut Deposit,
@@ -30,7 +32,7 @@ pub(crate) fn integrate(
             let a = ((stratum % side) as f64 + rng.random::<f64>()) / side as f64;
             let b = ((stratum / side) as f64 + rng.random::<f64>()) / side as f64;
             let outward = cells.partition().sample(position, a, b);
-            let shares = deposit.shares(outward);
+            let shares = between.shares(cells, outward);
             match cells.reach() {
                 Reach::Far => deposit.square(&shares, 0, 0, radiance(DVec3::ZERO, -outward) * solid_angle),
                 Reach::Near { radius_m, pattern } => {

@@ -70,17 +70,11 @@ impl<'a> Deposit<'a> {
         let aimed = if meets { flux.element_sum() } else { 0.0 };
         self.tally.aimed += aimed;
         match self.cells.entry(point, direction) {
-            Entry::Square { outward, u, v } => self.square(&self.shares(outward), u, v, flux),
+            Entry::Square { outward, u, v } => {
+                self.square(&self.reconstruction.shares(self.cells, outward), u, v, flux);
+            }
             Entry::BelowHorizon => self.tally.below_horizon += aimed,
             Entry::OutsidePattern | Entry::Misses => self.tally.outside_pattern += aimed,
-        }
-    }
-
-    /// The positions that share what enters at `outward`.
-    pub(crate) fn shares(&self, outward: DVec3) -> Between {
-        match self.reconstruction {
-            Reconstruction::Box => Between::only(self.cells.partition().owner(outward)),
-            Reconstruction::Linear => self.cells.partition().between(outward),
         }
     }
 

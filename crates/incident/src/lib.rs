@@ -9,6 +9,9 @@
 //! Lamps that stand inside the hemisphere have their light followed back as if it had come through it. What then cannot be
 //! right stays wrong: the lamp's own shadow, and light that an object between lamp and hemisphere would have stopped.
 
+use glam::DVec3;
+use relumine_basis::{Between, Cells};
+
 mod cell_quadrature;
 mod deposit;
 mod project;
@@ -25,6 +28,16 @@ pub enum Reconstruction {
     /// into up to four faint ones.
     #[default]
     Linear,
+}
+
+impl Reconstruction {
+    /// The positions that share what enters at `outward`.
+    pub(crate) fn shares(self, cells: &Cells, outward: DVec3) -> Between {
+        match self {
+            Self::Box => Between::only(cells.partition().owner(outward)),
+            Self::Linear => cells.partition().between(outward),
+        }
+    }
 }
 
 /// Why a light cannot be projected.

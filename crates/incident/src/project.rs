@@ -75,11 +75,15 @@ pub fn project(light: &Light, cells: &Cells, options: &Options) -> Result<Projec
     let environment =
         light.environment.as_ref().map(|environment| environment.clone().turned(-light.placement.rotation, 1.0));
     let mosaic = light.mosaic.as_ref().map(|mosaic| mosaic_coefficients(mosaic, cells)).transpose()?;
+    // Distant lamps are a light map already.
+    let light_map = options.light_map && cells.reach() != Reach::Far;
     // A mosaic that is neither moved nor collapsed is the coefficients themselves.
     let (exact, moved) = match mosaic {
-        Some(mosaic) if light.placement.is_identity() && !options.light_map => (Some(mosaic), None),
+        Some(mosaic) if light.placement.is_identity() && !light_map => (Some(mosaic), None),
         other => (None, other),
     };
+    let environment_parts =
+        environment.as_ref().map(|environment| environment.split(CEILING * environment.mean_luminance()));
     let batch = |index: usize| -> (Vec<DVec3>, Tally) {
         let mut deposit = Deposit::new(cells, options.between, options.object_radius_m);
         let samples = options.samples.div_ceil(BATCHES);
@@ -87,17 +91,16 @@ pub fn project(light: &Light, cells: &Cells, options: &Options) -> Result<Projec
         for lamp in &lamps {
             // The same random numbers for every lamp: a light that is the sum of two gives the sum of their coefficients.
             let mut stream = stream(3);
-            if options.light_map || cells.reach() == Reach::Far {
+            if light_map || cells.reach() == Reach::Far {
                 let arrival = |xi: [f64; 2]| lamp.arrival(DVec3::ZERO, xi);
                 source_rays::shoot_arriving(&arrival, cells, samples, &mut stream, &mut deposit);
             } else {
                 source_rays::shoot(lamp, cells, samples, &mut stream, &mut deposit);
             }
         }
-        if let Some(environment) = &environment {
-            let (smooth, highlights) = environment.split(CEILING * environment.mean_luminance());
+        if let Some((smooth, highlights)) = &environment_parts {
             let radiance = |_: DVec3, direction: DVec3| smooth(-direction);
-            cell_quadrature::integrate(&radiance, cells, samples, &mut stream(0), &mut deposit);
+            cell_quadrature::integrate(&radiance, cells, options.between, samples, &mut stream(0), &mut deposit);
             if let Some(highlights) = highlights {
                 let arrival = |xi: [f64; 2]| highlights.arrival(xi);
                 source_rays::shoot_arriving(&arrival, cells, samples, &mut stream(2), &mut deposit);
@@ -106,13 +109,15 @@ pub fn project(light: &Light, cells: &Cells, options: &Options) -> Result<Projec
         if let Some(mosaic) = &moved {
             let radiance = |point: DVec3, direction: DVec3| {
                 let direction = light.placement.world_from_object_direction(direction);
-                if options.light_map {
+                if light_map {
                     radiance_at_origin(mosaic, cells, light.placement.translation, direction)
                 } else {
                     radiance_of_mosaic(mosaic, cells, light.placement.world_from_object_point(point), direction)
                 }
             };
-            cell_quadrature::integrate(&radiance, cells, samples, &mut stream(1), &mut deposit);
+            // A mosaic is constant on its cells: to share its light between positions would blur it twice.
+            let between = Reconstruction::Box;
+            cell_quadrature::integrate(&radiance, cells, between, samples, &mut stream(1), &mut deposit);
         }
         (deposit.flux, deposit.tally)
     };

@@ -229,3 +229,55 @@ fn the_same_light_gives_the_same_bits_whatever_the_number_of_threads() {
     };
     assert_eq!(with_threads(1), with_threads(5));
 }
+
+#[test]
+fn a_far_lamp_is_as_bright_as_its_distance_says() {
+    // Intensity grows with the square of the distance: the flux at the object stays, up to what the lamp's nearness adds.
+    let flux = |distance: f64| {
+        let (position, intensity) = (distance / 2f64.sqrt(), distance * distance);
+        let text =
+            format!("[[point]]\nposition = [0, {}, {position}]\nintensity_w_sr = [{intensity}, 0, 0]\n", -position);
+        let within = Options { object_radius_m: Some(0.5), ..options(Reconstruction::Box) };
+        project(&light(&text), &chess_like(4), &within).unwrap().flux[0]
+    };
+    let expected = std::f64::consts::PI * 0.25;
+    for distance in [1e2, 1e4, 1e6, 1e8, 5e8] {
+        assert!((flux(distance) / expected - 1.0).abs() < 3e-3, "{distance} m: {} W, not {expected}", flux(distance));
+    }
+}
+
+#[test]
+fn a_mosaic_turned_by_whole_patches_is_only_renumbered() {
+    let cells = chess_like(2);
+    let (width, height) = cells.dark().mosaic_size();
+    let pixels = (0..width * height).map(|i| [(i % 17) as f32, (i % 5) as f32, 1.0]).collect();
+    let mosaic = relumine_lamp::Mosaic {
+        path: "painted.exr".into(),
+        pixels: relumine_radiometry::Image::from_pixels(width, height, pixels),
+    };
+    let mut painted = Light { mosaic: Some(mosaic), ..Light::default() };
+    let straight = project(&painted, &cells, &options(Reconstruction::Linear)).unwrap();
+    assert_eq!(straight.coefficients.to_mosaic(), painted.mosaic.as_ref().unwrap().pixels.pixels());
+    painted.placement.rotation = 120f64.to_radians();
+    let turned = project(&painted, &cells, &options(Reconstruction::Linear)).unwrap();
+    let mut by_hand = straight.clone();
+    for cell in 0..cells.len() {
+        let Cell { position, u, v } = cells.cell(cell);
+        let from = cells.index(Cell { position: position / 12 * 12 + (position % 12 + 4) % 12, u, v });
+        by_hand.coefficients.values_mut()[cell] = straight.coefficients.values()[from];
+    }
+    assert_close(&turned, &by_hand, 1e-4);
+}
+
+#[test]
+fn a_mosaic_of_distant_lamps_is_a_light_map_already() {
+    let cells = dome();
+    let pixels: Vec<[f32; 3]> = (0..40).map(|i| [i as f32, 1.0, 0.0]).collect();
+    let mosaic = relumine_lamp::Mosaic {
+        path: "painted.exr".into(),
+        pixels: relumine_radiometry::Image::from_pixels(40, 1, pixels.clone()),
+    };
+    let painted = Light { mosaic: Some(mosaic), ..Light::default() };
+    let map = Options { light_map: true, ..options(Reconstruction::Linear) };
+    assert_eq!(project(&painted, &cells, &map).unwrap().coefficients.values(), pixels);
+}

@@ -30,33 +30,34 @@ pub(crate) fn across(axis: DVec3) -> (DVec3, DVec3) {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     axis: DVec3,
-    cos_half_angle: f64,
+    /// 1 − the cosine of the half angle: small cones keep their digits.
+    versine: f64,
 }
 
 impl Cone {
     pub(crate) fn new(axis: DVec3, half_angle: f64) -> Self {
-        Self { axis, cos_half_angle: half_angle.cos() }
+        Self { axis, versine: 2.0 * (half_angle / 2.0).sin().powi(2) }
     }
 
     /// The directions from `point` that meet the ball of `radius` at the origin; all of them from inside the ball.
     pub(crate) fn towards_ball(point: DVec3, radius: f64) -> Self {
         let distance = point.length();
         if distance <= radius {
-            return Self { axis: DVec3::Z, cos_half_angle: -1.0 };
+            return Self { axis: DVec3::Z, versine: 2.0 };
         }
-        let sine = radius / distance;
-        Self { axis: -point / distance, cos_half_angle: (1.0 - sine * sine).sqrt() }
+        let squared = (radius / distance).powi(2);
+        Self { axis: -point / distance, versine: squared / (1.0 + (1.0 - squared).sqrt()) }
     }
 
     /// Solid angle, sr.
     pub(crate) fn solid_angle(&self) -> f64 {
-        TAU * (1.0 - self.cos_half_angle)
+        TAU * self.versine
     }
 
     /// A direction, uniform by solid angle.
     pub(crate) fn sample(&self, a: f64, b: f64) -> DVec3 {
-        let cosine = 1.0 - a * (1.0 - self.cos_half_angle);
-        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let versine = a * self.versine;
+        let (cosine, sine) = (1.0 - versine, (versine * (2.0 - versine)).max(0.0).sqrt());
         let (x, y) = across(self.axis);
         (sine * ((TAU * b).cos() * x + (TAU * b).sin() * y) + cosine * self.axis).normalize()
     }

@@ -48,13 +48,6 @@ pub struct Merged {
     pub visibility: Vec<Visibility>,
 }
 
-impl Merged {
-    /// How many pixels no exposure saw because all are clipped there.
-    pub fn clipped(&self) -> usize {
-        self.visibility.iter().filter(|seen| **seen == Visibility::Clipped).count()
-    }
-}
-
 /// Counts closer to white than this share of the code range may be clipped by noise; a shorter exposure is preferred.
 const NEAR_WHITE: f64 = 0.02;
 /// Pixels that one task merges.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use relumine_capture::separation::{Method, Residual};
-use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Tile};
+use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Tile};
 use relumine_field::{Extent, FieldError, FieldWriter, Header, PositionRecord};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -35,7 +35,7 @@ impl Default for DevelopOptions {
 }
 
 /// How one position came out, as the field keeps it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DevelopedReport {
     /// b, the share of white that shines through black.
     pub black_level: Option<f64>,
@@ -84,6 +84,11 @@ impl PositionOutcome {
 }
 
 impl DevelopedReport {
+    /// Of photographs that nothing was measured on but what was clipped and lost.
+    pub(crate) fn unmeasured(clipped_pixels: usize, losses: Vec<String>) -> Self {
+        Self { clipped_pixels, losses, ..Self::default() }
+    }
+
     /// The report in a field's record of a position; `None` if it is of another version.
     pub fn of(record: &PositionRecord) -> Option<Self> {
         serde_json::from_value(record.report.clone()).ok()
@@ -114,7 +119,7 @@ impl Development {
         let made = json!({
             "program": concat!("relumine ", env!("CARGO_PKG_VERSION")),
             "from": "capture",
-            "separation": options.separation.name(),
+            "separation": if setup.scheme() == Scheme::Squares { "none" } else { options.separation.name() },
             "scheme": setup.scheme().name(),
             "photographs": developer.capture().photographs().len(),
             "input_sha256": input,
@@ -137,6 +142,11 @@ impl Development {
         self.developer.capture().setup().cells().positions()
     }
 
+    /// Number of squares of each position.
+    pub fn squares(&self) -> usize {
+        self.developer.capture().setup().cells().squares().pow(2)
+    }
+
     /// Positions that an earlier run had done.
     pub fn already_done(&self) -> &[PositionOutcome] {
         &self.already_done
@@ -153,7 +163,7 @@ impl Development {
     /// If positions are left, nothing at all could be developed, or the field cannot be written.
     pub fn finish(self) -> Result<(), Error> {
         let records = self.writer.done();
-        let m2 = self.developer.capture().setup().cells().squares().pow(2);
+        let m2 = self.squares();
         if records.len() == self.positions() && records.iter().all(|record| record.missing.len() == m2) {
             let losses = records.iter().filter_map(PositionOutcome::of).flat_map(|outcome| outcome.report.losses);
             let first = losses.into_iter().next().unwrap_or_default();
@@ -193,7 +203,7 @@ impl Development {
         }
         let present = developed.present();
         let report = DevelopedReport {
-            black_level: Some(developed.black_level()),
+            black_level: developed.black_level(),
             residual_combs: residual.combs(),
             residual_combs_of_minimum: residual_of_minimum.combs(),
             residual_white: residual.white(),
@@ -210,20 +220,12 @@ impl Development {
     }
 
     fn write_missing(&self, position: usize, losses: &[Loss]) -> Result<PositionRecord, Error> {
-        let m2 = self.developer.capture().setup().cells().squares().pow(2);
+        let m2 = self.squares();
         for tile in self.writer.blocks().all_tiles() {
             let values = vec![f16::ZERO; m2 * 3 * self.writer.blocks().tile_extent(tile).pixels()];
             self.writer.write_tile(position, tile, &values)?;
         }
-        let report = DevelopedReport {
-            black_level: None,
-            residual_combs: None,
-            residual_combs_of_minimum: None,
-            residual_white: None,
-            noise: None,
-            clipped_pixels: 0,
-            losses: losses.iter().map(Loss::to_string).collect(),
-        };
+        let report = DevelopedReport::unmeasured(0, losses.iter().map(Loss::to_string).collect());
         Ok(PositionRecord { position, scale: 1.0, missing: (0..m2).collect(), report: json!(report) })
     }
 }

@@ -31,6 +31,11 @@ impl Default for ImportOptions {
     }
 }
 
+/// About how much memory photographs may take; one is always open.
+const MEMORY_BYTES: usize = 1 << 30;
+/// File, counts, radiance and halves of a pixel.
+const BYTES_PER_PIXEL: usize = 40;
+
 /// Photographs being imported: an iterator over the lamps. Drop it to stop; start it again to go on.
 pub struct Import {
     source: PathBuf,
@@ -80,11 +85,13 @@ impl Import {
         let input = format!("{:?} {:?}", list.lamps, options.response);
         let writer = FieldWriter::open(field, header, &input, options.replace)?;
         let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
+        let together =
+            (MEMORY_BYTES / (BYTES_PER_PIXEL * size.0 * size.1).max(1)).clamp(1, 2 * rayon::current_num_threads());
         Ok(Self {
             source: source.to_path_buf(),
             camera: [u8::MAX.into(), u16::MAX].map(|white| Linearization::new(&options.response, 0, white)),
             already_done,
-            queue: Queue::new(waiting, 2 * rayon::current_num_threads()),
+            queue: Queue::new(waiting, together),
             list,
             cells,
             size,
@@ -144,15 +151,7 @@ impl Import {
             let values = planar(&radiance, &self.writer.blocks().tile_extent(tile), factors.map(|f| f / scale));
             self.writer.write_tile(index, tile, &values)?;
         }
-        let report = DevelopedReport {
-            black_level: None,
-            residual_combs: None,
-            residual_combs_of_minimum: None,
-            residual_white: None,
-            noise: None,
-            clipped_pixels: clipped.iter().filter(|count| **count > 0).count(),
-            losses,
-        };
+        let report = DevelopedReport::unmeasured(clipped.iter().filter(|count| **count > 0).count(), losses);
         let missing = if report.losses.is_empty() { Vec::new() } else { vec![0] };
         let outcome = PositionOutcome { position: index, missing_squares: missing.len(), report };
         let record = PositionRecord { position: index, scale, missing, report: json!(outcome.report) };

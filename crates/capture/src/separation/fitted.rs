@@ -8,7 +8,7 @@
 //!
 //! Photographs are noisy, so a block's row combs and column combs do not have quite the same total, and no table has both.
 //! They are reconciled first: each block's total is the mean of the two, all totals are scaled so that they add to the white
-//! frame, and the margins are scaled to their total. The fit then has a solution: the squares add up to the white frame,
+//! frame (unless it is dark, clipped or contradicts them), and the margins are scaled to their total. The fit then has a solution: the squares add up to the white frame,
 //! its noise included, and every comb is explained up to noise. Noise is cut off at zero once a block, not once a square:
 //! hundreds of cells that are each a little too bright add up.
 
@@ -96,13 +96,16 @@ impl Block {
     }
 }
 
+/// A white frame that differs from the combs by more than this factor is noise, or no white frame: the combs decide.
+const BELIEVED: f32 = 2.0;
+
 /// Scales the totals of all blocks so that they add to the white frame, where it is to be trusted.
 fn scale_to_white(blocks: &mut [Block], white: &[f32]) {
-    for (lane, white) in white.iter().enumerate().filter(|(_, white)| !white.is_nan()) {
+    for (lane, white) in white.iter().enumerate() {
         let sum: f32 = blocks.iter().map(|block| block.total[lane]).sum();
-        if sum > 0.0 {
-            let scale = white.max(0.0) / sum;
-            blocks.iter_mut().for_each(|block| block.total[lane] *= scale);
+        // False for NaN, for black and for a sum of zero.
+        if *white * BELIEVED >= sum && *white <= BELIEVED * sum && sum > 0.0 {
+            blocks.iter_mut().for_each(|block| block.total[lane] *= white / sum);
         }
     }
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use relumine_basis::Position;
+use relumine_capture::csv_fields;
 use relumine_radiometry::read_text;
 
 use crate::Error;
@@ -116,8 +117,9 @@ impl LampList {
     pub fn parse_csv(path: &Path, text: &str) -> Result<Self, Error> {
         let mut list = Building::new(path);
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-        let header: Vec<&str> = lines.next().map(|(_, line)| fields(line)).unwrap_or_default();
-        let (angles, irradiance) = match header.as_slice() {
+        let header = lines.next().map(|(_, line)| csv_fields(line).unwrap_or_default()).unwrap_or_default();
+        let names: Vec<&str> = header.iter().map(String::as_str).collect();
+        let (angles, irradiance) = match names.as_slice() {
             ["file", "x", "y", "z"] => (false, false),
             ["file", "x", "y", "z", "irradiance"] => (false, true),
             ["file", "azimuth_deg", "tilt_deg"] => (true, false),
@@ -128,7 +130,8 @@ impl LampList {
             }
         };
         for (index, line) in lines {
-            let fields = fields(line);
+            let fields = csv_fields(line).map_err(|reason| list.error(index + 1, reason))?;
+            let fields: Vec<&str> = fields.iter().map(String::as_str).collect();
             if fields.len() != header.len() {
                 let reason = format!("expected {} fields, found {}", header.len(), fields.len());
                 return Err(list.error(index + 1, reason));
@@ -188,10 +191,6 @@ impl LampList {
         }
         list.finish()
     }
-}
-
-fn fields(line: &str) -> Vec<&str> {
-    line.trim().trim_start_matches('\u{feff}').split(',').map(str::trim).collect()
 }
 
 fn read(path: &Path) -> Result<String, Error> {
@@ -308,7 +307,7 @@ mod tests {
     fn the_three_kinds_of_list_say_the_same() {
         let from_lp = lp("2\na.jpg 1 0 1\nb.jpg 0 1 1\n").unwrap().lamps;
         let path = Path::new("dome/dirs.csv");
-        let xyz = LampList::parse_csv(path, "file,x,y,z\na.jpg,1,0,1\nb.jpg,0,1,1\n").unwrap().lamps;
+        let xyz = LampList::parse_csv(path, "file,x,y,z\n\"a.jpg\",1,0,1\nb.jpg,0,1,1\n").unwrap().lamps;
         assert_eq!(xyz, from_lp);
         let angles = "file,azimuth_deg,tilt_deg,irradiance\na.jpg,0,45,2\nb.jpg,90,45,2\n";
         let angles = LampList::parse_csv(path, angles).unwrap().lamps;
