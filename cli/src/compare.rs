@@ -4,8 +4,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use relumine::radiometry::files::{self, ExrSample, Picture};
-use relumine::radiometry::{Difference, Encoded, Image, Linear, difference, srgb_decode};
+use relumine::radiometry::files::{self, ExrSample};
+use relumine::radiometry::{Difference, Encoded, Image, Linear, difference};
 
 use crate::failure::{Failure, printed};
 use crate::output::{PictureFormat, refuse_existing};
@@ -99,18 +99,7 @@ fn same_size(a: &Path, size_a: (usize, usize), b: &Path, size_b: (usize, usize))
 }
 
 fn read_linear(path: &Path, raw: bool) -> Result<Image<Linear>, Failure> {
-    Ok(match files::read_picture(path)? {
-        Picture::Float(image) => image,
-        Picture::Integer { image, bits } => {
-            let white = f64::from((1u32 << bits) - 1);
-            let decode = |code: u16| {
-                let fraction = f64::from(code) / white;
-                (if raw { fraction } else { srgb_decode(fraction) }) as f32
-            };
-            let pixels = image.pixels().iter().map(|pixel| pixel.map(decode)).collect();
-            Image::from_pixels(image.width(), image.height(), pixels)
-        }
-    })
+    Ok(files::read_picture(path)?.into_linear(!raw))
 }
 
 fn write_difference(

@@ -5,8 +5,8 @@ mod text;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use relumine_radiometry::files::{self, FileError, Picture};
-use relumine_radiometry::{DescriptionError, Image, Radiance, parse_toml, read_text, srgb_decode};
+use relumine_radiometry::files::{self, FileError};
+use relumine_radiometry::{DescriptionError, Image, Radiance, parse_toml, read_text};
 
 use text::{EnvironmentText, MosaicText, RectangleText, SlideText, SpotText, Text};
 
@@ -243,7 +243,8 @@ impl Check<'_> {
         let position = self.vector(place("position"), lamp.position)?;
         let target = self.vector(place("target"), lamp.target)?;
         let axis = self.direction(place("target"), (target - position).to_array())?;
-        let picture = read_slide_picture(&self.beside(&lamp.picture))?;
+        // Float pictures are linear, integer ones sRGB.
+        let picture = files::read_picture(&self.beside(&lamp.picture))?.into_linear(true).reinterpret();
         let slide = Slide::new(
             position,
             axis,
@@ -271,17 +272,4 @@ impl Check<'_> {
         }
         Ok(sky.turned(rotation.to_radians(), scale))
     }
-}
-
-/// A slide's picture, decoded to linear: float pictures are linear, integer ones sRGB.
-fn read_slide_picture(path: &Path) -> Result<Image<Radiance>, FileError> {
-    Ok(match files::read_picture(path)? {
-        Picture::Float(image) => image.reinterpret(),
-        Picture::Integer { image, bits } => {
-            let white = f64::from((1u32 << bits) - 1);
-            let (width, height) = image.size();
-            let linear = |code: u16| srgb_decode(f64::from(code) / white) as f32;
-            Image::from_pixels(width, height, image.pixels().iter().map(|pixel| pixel.map(linear)).collect())
-        }
-    })
 }

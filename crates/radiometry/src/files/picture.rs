@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{FileError, exr_read, jpeg, raster, rgbe};
-use crate::{Counts, Image, Linear, Linearity};
+use crate::{Counts, Image, Linear, Linearity, srgb_decode};
 
 /// What a picture file held. What the numbers mean, the caller says.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +22,22 @@ pub enum Picture {
 }
 
 impl Picture {
+    /// Linear samples: floats as they are, integers as fractions of their largest code, decoded from sRGB if `srgb`.
+    pub fn into_linear(self, srgb: bool) -> Image<Linear> {
+        match self {
+            Self::Float(image) => image,
+            Self::Integer { image, bits } => {
+                let white = f64::from((1u32 << bits) - 1);
+                let decode = |code: u16| {
+                    let fraction = f64::from(code) / white;
+                    (if srgb { srgb_decode(fraction) } else { fraction }) as f32
+                };
+                let pixels = image.pixels().iter().map(|pixel| pixel.map(decode)).collect();
+                Image::from_pixels(image.width(), image.height(), pixels)
+            }
+        }
+    }
+
     /// `(width, height)`.
     pub fn size(&self) -> (usize, usize) {
         match self {
