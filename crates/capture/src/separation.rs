@@ -36,7 +36,7 @@ impl Method {
 pub struct Combs<'a> {
     /// M, squares a side.
     pub squares: usize,
-    /// Distance of the lit squares.
+    /// Distance of the lit squares, at most M.
     pub spacing: usize,
     /// `rows[v · spacing + k]`: squares (u, v) for u ≡ k.
     pub rows: Vec<Option<&'a [f32]>>,
@@ -123,7 +123,7 @@ pub fn residual(combs: &Combs, squares: &[f32]) -> Residual {
         (error, energy)
     };
     for line in 0..m {
-        for k in 0..spacing.min(m) {
+        for k in 0..spacing {
             let comb = (k..m).step_by(spacing);
             for (error, energy) in [
                 compare(&mut comb.clone().map(|u| (u, line)), combs.rows[line * spacing + k]),

@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::{Component, Path};
 
 use relumine_basis::{BasisError, Cell, Cells, Layout, Partition, Pattern, Position, Reach};
+use relumine_radiometry::files::MAX_PIXELS;
 use relumine_radiometry::{Linearization, Response, ResponseCurve, parse_toml, read_text};
 use serde::Deserialize;
 
@@ -103,8 +104,6 @@ impl Setup {
     pub const FORMAT: &'static str = "relumine-capture/1";
     /// The most pixels a side of a photograph.
     pub const MAX_SIDE: usize = 65_536;
-    /// The most pixels of a photograph: 2²⁸, more than any camera gives.
-    pub const MAX_PIXELS: usize = 1 << 28;
 
     /// Reads the description and, if it names one, the response file beside it.
     ///
@@ -152,11 +151,11 @@ impl Setup {
         }
         let CameraText { width, height, response: response_name, black_level, white_level } = text.camera;
         let side = 1..=Self::MAX_SIDE;
-        if !side.contains(&width) || !side.contains(&height) || width * height > Self::MAX_PIXELS {
+        if !side.contains(&width) || !side.contains(&height) || width * height > MAX_PIXELS {
             return Err(fail(format!(
                 "camera: expected a picture of 1 to {} pixels a side and at most {} in all, found {width} × {height}",
                 Self::MAX_SIDE,
-                Self::MAX_PIXELS
+                MAX_PIXELS
             )));
         }
         if black_level >= white_level {

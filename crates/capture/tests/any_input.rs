@@ -79,7 +79,7 @@ fn holds(setup: &Setup) {
         assert!(factor > 0.0 && factor.is_finite(), "cell {index} has the factor {factor}");
     }
     let (width, height) = setup.picture_size();
-    assert!(width > 0 && height > 0 && width * height <= Setup::MAX_PIXELS);
+    assert!(width > 0 && height > 0 && width * height <= relumine_radiometry::files::MAX_PIXELS);
     let (black, white) = setup.levels();
     assert!(black < white);
 }

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use relumine_basis::{Cell, Cells};
+use relumine_radiometry::files::MAX_PIXELS;
 use relumine_radiometry::{Image, Transfer, read_bounded};
 use serde::Deserialize;
 
@@ -34,8 +35,6 @@ struct Attributes {
 impl ReflectanceField {
     /// The most pixels a side of a picture.
     const MAX_SIDE: usize = 65_536;
-    /// The most pixels of a picture: more than any camera gives.
-    const MAX_PIXELS: usize = 1 << 28;
 
     /// Opens the field at `path`: reads its metadata, which must be what was written, and none of its transfers.
     ///
@@ -56,7 +55,7 @@ impl ReflectanceField {
         listed.check(path, "zarr.json", &text)?;
         let [width, height] = header.picture;
         let side = 1..=Self::MAX_SIDE;
-        if !side.contains(&width) || !side.contains(&height) || width * height > Self::MAX_PIXELS {
+        if !side.contains(&width) || !side.contains(&height) || width * height > MAX_PIXELS {
             return Err(not_a_field(format!("a picture of {width} × {height} pixels")));
         }
         let cells = header.cells().map_err(|source| FieldError::Geometry { path: group_path, source })?;

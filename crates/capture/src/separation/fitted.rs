@@ -25,7 +25,7 @@ const SWEEPS: usize = 30;
 /// If `squares` does not hold M² · lanes values.
 pub fn separate_fitted(combs: &Combs, squares: &mut [f32]) {
     separate_minimum(combs, squares);
-    let phases = combs.spacing.min(combs.squares);
+    let phases = combs.spacing;
     let mut blocks: Vec<Block> =
         (0..phases).flat_map(|k| (0..phases).filter_map(move |kk| Block::new(combs, k, kk))).collect();
     let whole = blocks.len() == phases * phases;
