@@ -5,7 +5,7 @@ use super::Combs;
 /// B(u, v) = min(row comb, column comb) per lane, where both were taken; zero elsewhere and never below zero.
 ///
 /// Without noise and with squares that do not reach each other's light it is exact, and never too small; what two lit
-/// squares of *both* combs send to a pixel is counted twice (docs/MATH.md: 14 % too bright in a white bowl).
+/// squares of *both* combs send to a pixel is counted twice (docs/MATH.md).
 ///
 /// # Panics
 /// If `squares` does not hold M² · lanes values.
