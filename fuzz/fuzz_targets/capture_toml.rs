@@ -26,7 +26,7 @@ fuzz_target!(|text: &str| {
                 assert!(cells.partition().owner(direction) < cells.positions());
             }
             let (width, height) = setup.picture_size();
-            assert!(width > 0 && height > 0 && width * height <= Setup::MAX_PIXELS);
+            assert!(width > 0 && height > 0 && width * height <= relumine_radiometry::files::MAX_PIXELS);
             let _ = setup.linearization();
         }
         Err(error) => assert!(error.to_string().contains(env!("CARGO_MANIFEST_DIR")), "{error}"),
