@@ -32,7 +32,7 @@ pub(crate) fn shoot_arriving(
     let share = 1.0 / strata.len() as f64;
     let radius = cells.reached_radius_m();
     for xi in strata.draw(rng) {
-        let Some(Arrival { direction, irradiance }) = arrival([xi[2], xi[3]]) else { continue };
+        let Some(Arrival { direction, irradiance, .. }) = arrival([xi[2], xi[3]]) else { continue };
         if radius.is_infinite() {
             // A far field has no places, only directions.
             deposit.ray(DVec3::ZERO, direction, irradiance * share);

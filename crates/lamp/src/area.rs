@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use crate::sampling::{self, Cone};
-use crate::{Arrival, Ray};
+use crate::{Arrival, Ray, Sight};
 
 /// A glowing ball.
 #[derive(Clone, Copy, Debug)]
@@ -33,20 +33,34 @@ impl Sphere {
     }
 
     pub(crate) fn arrival(&self, point: DVec3, [a, b]: [f64; 2]) -> Option<Arrival> {
-        let offset = self.center - point;
-        let distance = offset.length();
-        if distance <= self.radius_m {
-            return None;
-        }
-        let cone = Cone::new(-offset / distance, (self.radius_m / distance).asin());
-        Some(Arrival { direction: cone.sample(a, b), irradiance: self.radiance * cone.solid_angle() })
+        let cone = self.cone(point)?;
+        let direction = cone.sample(a, b);
+        let distance_m = self.distance(point, direction).unwrap_or_else(|| {
+            // A direction on the rim may miss the ball by its rounding.
+            (point - self.center).dot(direction)
+        });
+        Some(Arrival { direction, irradiance: self.radiance * cone.solid_angle(), distance_m })
     }
 
-    pub(crate) fn radiance(&self, point: DVec3, direction: DVec3) -> DVec3 {
+    pub(crate) fn sight(&self, point: DVec3, direction: DVec3) -> Option<Sight> {
+        let cone = self.cone(point)?;
+        let distance_m = self.distance(point, direction)?;
+        Some(Sight { radiance: self.radiance, distance_m, density: 1.0 / cone.solid_angle() })
+    }
+
+    /// The directions of its light at `point`; `None` inside it.
+    fn cone(&self, point: DVec3) -> Option<Cone> {
+        let offset = self.center - point;
+        let distance = offset.length();
+        (distance > self.radius_m).then(|| Cone::new(-offset / distance, (self.radius_m / distance).asin()))
+    }
+
+    /// How far light that reaches `point` in `direction` has come from the ball.
+    fn distance(&self, point: DVec3, direction: DVec3) -> Option<f64> {
         let offset = point - self.center;
         let along = offset.dot(direction);
-        let misses = (offset - along * direction).length_squared() > self.radius_m * self.radius_m;
-        if along <= 0.0 || misses || offset.length() <= self.radius_m { DVec3::ZERO } else { self.radiance }
+        let squared = self.radius_m * self.radius_m - (offset - along * direction).length_squared();
+        (along > 0.0 && squared >= 0.0).then(|| along - squared.sqrt())
     }
 }
 
@@ -81,16 +95,16 @@ impl Rectangle {
         self.face().arrival(self.place(c, d), point)
     }
 
-    pub(crate) fn radiance(&self, point: DVec3, direction: DVec3) -> DVec3 {
+    pub(crate) fn sight(&self, point: DVec3, direction: DVec3) -> Option<Sight> {
         let face = self.face();
-        let Some(hit) = face.hit(self.corner, point, direction) else { return DVec3::ZERO };
+        let (hit, sight) = face.hit(self.corner, point, direction)?;
         // Coordinates of the hit along the edges, which need not be at right angles.
         let normal = self.edge_u.cross(self.edge_v);
         let offset = hit - self.corner;
         let u = offset.cross(self.edge_v).dot(normal) / normal.length_squared();
         let v = self.edge_u.cross(offset).dot(normal) / normal.length_squared();
         let inside = (0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v);
-        if inside { self.radiance } else { DVec3::ZERO }
+        inside.then_some(sight)
     }
 }
 
@@ -126,10 +140,9 @@ impl Disk {
         self.face().arrival(self.place(c, d), point)
     }
 
-    pub(crate) fn radiance(&self, point: DVec3, direction: DVec3) -> DVec3 {
-        let hit = self.face().hit(self.center, point, direction);
-        let inside = hit.is_some_and(|hit| hit.distance(self.center) <= self.radius_m);
-        if inside { self.radiance } else { DVec3::ZERO }
+    pub(crate) fn sight(&self, point: DVec3, direction: DVec3) -> Option<Sight> {
+        let (hit, sight) = self.face().hit(self.center, point, direction)?;
+        (hit.distance(self.center) <= self.radius_m).then_some(sight)
     }
 }
 
@@ -154,16 +167,23 @@ impl Face {
 
     fn arrival(&self, place: DVec3, point: DVec3) -> Option<Arrival> {
         let offset = point - place;
-        let squared = offset.length_squared();
         let direction = offset.try_normalize()?;
         let cosine = direction.dot(self.normal);
-        (cosine > 0.0).then(|| Arrival { direction, irradiance: self.radiance * (cosine * self.area / squared) })
+        (cosine > 0.0).then(|| Arrival {
+            direction,
+            irradiance: self.radiance * (cosine * self.area / offset.length_squared()),
+            distance_m: offset.length(),
+        })
     }
 
-    /// Where light that reaches `point` in `direction` left the plane through `origin`, if it left the bright side.
-    fn hit(&self, origin: DVec3, point: DVec3, direction: DVec3) -> Option<DVec3> {
+    /// Where light that reaches `point` in `direction` left the plane through `origin`, if it left the bright side, and what
+    /// is seen there.
+    fn hit(&self, origin: DVec3, point: DVec3, direction: DVec3) -> Option<(DVec3, Sight)> {
         let cosine = direction.dot(self.normal);
-        let distance = (point - origin).dot(self.normal) / cosine;
-        (cosine > 1e-12 && distance > 0.0).then(|| point - distance * direction)
+        let distance_m = (point - origin).dot(self.normal) / cosine;
+        (cosine > 1e-12 && distance_m > 0.0).then(|| {
+            let density = distance_m * distance_m / (cosine * self.area);
+            (point - distance_m * direction, Sight { radiance: self.radiance, distance_m, density })
+        })
     }
 }

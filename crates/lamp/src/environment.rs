@@ -147,7 +147,24 @@ impl<'a> Highlights<'a> {
         let radiance = self.environment.radiance(towards_sky);
         let solid_angle = (top - bottom) * TAU / width as f64;
         let irradiance = (radiance - under(radiance, self.ceiling)) * (solid_angle * all / share);
-        (irradiance != DVec3::ZERO).then_some(Arrival { direction: -towards_sky, irradiance })
+        let arrival = Arrival { direction: -towards_sky, irradiance, distance_m: f64::INFINITY };
+        (irradiance != DVec3::ZERO).then_some(arrival)
+    }
+}
+
+impl Highlights<'_> {
+    /// The density, by solid angle, with which [`Highlights::arrival`] draws the unit vector `towards_sky`, sr⁻¹.
+    pub fn density(&self, towards_sky: DVec3) -> f64 {
+        let (width, height) = self.size;
+        let azimuth = towards_sky.y.atan2(towards_sky.x) - self.environment.rotation;
+        let tilt = towards_sky.truncate().length().atan2(towards_sky.z);
+        let x = ((0.5 - azimuth / TAU).rem_euclid(1.0) * width as f64) as usize;
+        let y = (tilt / PI * height as f64) as usize;
+        let index = y * width + x.min(width - 1);
+        let Some((all, sum)) = self.cumulative.last().zip(self.cumulative.get(index)) else { return 0.0 };
+        let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        let (top, bottom) = row_cosines(y, height);
+        (sum - before) / (all * (top - bottom) * TAU / width as f64)
     }
 }
 
@@ -222,6 +239,24 @@ mod tests {
         }
         assert!((parts / whole - DVec3::ONE).abs().max_element() < 2e-3, "{}", parts / whole);
         assert!(Environment::constant(DVec3::ONE).split(2.0).1.is_none());
+    }
+
+    #[test]
+    fn highlights_are_drawn_with_the_density_they_say() {
+        let mut map = Image::<Radiance>::from_pixels(16, 9, vec![[0.5; 3]; 144]);
+        map.pixels_mut()[3 * 16 + 7] = [90.0, 60.0, 30.0];
+        let sky = Environment::lat_long(map).turned(0.3, 2.0);
+        let whole = sky.split(0.0).1.unwrap();
+        for i in 0..50 {
+            for j in 0..50 {
+                let arrival = whole.arrival([(f64::from(i) + 0.5) / 50.0, (f64::from(j) + 0.5) / 50.0]);
+                // Below the horizon, in the half row that an odd map has there, nothing shines.
+                let Some(arrival) = arrival else { continue };
+                let radiance = sky.radiance(-arrival.direction);
+                let density = whole.density(-arrival.direction);
+                assert!((radiance.x / arrival.irradiance.x / density - 1.0).abs() < 1e-6, "{density}");
+            }
+        }
     }
 
     #[test]

@@ -76,6 +76,19 @@ pub struct Arrival {
     pub direction: DVec3,
     /// Irradiance on a plane across the direction, W·m⁻².
     pub irradiance: DVec3,
+    /// How far it has come from the lamp, metres; infinite from the sun and the sky.
+    pub distance_m: f64,
+}
+
+/// A lamp of finite extent as it is seen from a point in one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    /// Radiance, W·m⁻²·sr⁻¹.
+    pub radiance: DVec3,
+    /// How far away it is, metres.
+    pub distance_m: f64,
+    /// The density, by solid angle, with which [`Lamp::arrival`] draws this direction for uniform numbers, sr⁻¹.
+    pub density: f64,
 }
 
 impl Lamp {
@@ -130,45 +143,53 @@ impl Lamp {
         let from = |position: DVec3| {
             let offset = point - position;
             let distance = offset.length();
-            (distance > 0.0).then(|| (offset / distance, distance * distance))
+            (distance > 0.0).then(|| (offset / distance, distance))
         };
         match self {
             Lamp::Point { position, intensity } => {
-                let (direction, squared) = from(*position)?;
-                Some(Arrival { direction, irradiance: *intensity / squared })
+                let (direction, distance_m) = from(*position)?;
+                Some(Arrival { direction, irradiance: *intensity / distance_m.powi(2), distance_m })
             }
             Lamp::Spot { position, .. } => {
-                let (direction, squared) = from(*position)?;
-                Some(Arrival { direction, irradiance: self.intensity_towards(direction)? / squared })
+                let (direction, distance_m) = from(*position)?;
+                let irradiance = self.intensity_towards(direction)? / distance_m.powi(2);
+                Some(Arrival { direction, irradiance, distance_m })
             }
             Lamp::Sphere(sphere) => sphere.arrival(point, xi),
             Lamp::Rectangle(rectangle) => rectangle.arrival(point, xi),
             Lamp::Disk(disk) => disk.arrival(point, xi),
-            Lamp::Sun { direction, irradiance } => Some(Arrival { direction: *direction, irradiance: *irradiance }),
+            Lamp::Sun { direction, irradiance } => {
+                Some(Arrival { direction: *direction, irradiance: *irradiance, distance_m: f64::INFINITY })
+            }
             Lamp::Shaft { origin, direction, radius_m, irradiance } => {
                 let offset = point - *origin;
                 let along = offset.dot(*direction);
                 let inside = along >= 0.0 && (offset - along * *direction).length() <= *radius_m;
-                inside.then_some(Arrival { direction: *direction, irradiance: *irradiance })
+                inside.then_some(Arrival { direction: *direction, irradiance: *irradiance, distance_m: along })
             }
             Lamp::Slide(slide) => {
-                let (direction, squared) = from(slide.position())?;
-                Some(Arrival { direction, irradiance: slide.intensity_towards(direction)? / squared })
+                let (direction, distance_m) = from(slide.position())?;
+                let irradiance = slide.intensity_towards(direction)? / distance_m.powi(2);
+                Some(Arrival { direction, irradiance, distance_m })
             }
         }
     }
 
-    /// The radiance that arrives at `point` from a lamp of finite extent, W·m⁻²·sr⁻¹, by light that travels in `direction`.
-    /// Zero for point-like and parallel lamps, whose radiance is a delta.
-    pub fn radiance(&self, point: DVec3, direction: DVec3) -> DVec3 {
+    /// The lamp as `point` sees it by light that travels in `direction`; `None` if it is not there, and always for point-like
+    /// and parallel lamps, whose radiance is a delta.
+    pub fn sight(&self, point: DVec3, direction: DVec3) -> Option<Sight> {
         match self {
-            Lamp::Sphere(sphere) => sphere.radiance(point, direction),
-            Lamp::Rectangle(rectangle) => rectangle.radiance(point, direction),
-            Lamp::Disk(disk) => disk.radiance(point, direction),
-            Lamp::Point { .. } | Lamp::Spot { .. } | Lamp::Sun { .. } | Lamp::Shaft { .. } | Lamp::Slide(_) => {
-                DVec3::ZERO
-            }
+            Lamp::Sphere(sphere) => sphere.sight(point, direction),
+            Lamp::Rectangle(rectangle) => rectangle.sight(point, direction),
+            Lamp::Disk(disk) => disk.sight(point, direction),
+            Lamp::Point { .. } | Lamp::Spot { .. } | Lamp::Sun { .. } | Lamp::Shaft { .. } | Lamp::Slide(_) => None,
         }
+    }
+
+    /// The radiance that arrives at `point`, W·m⁻²·sr⁻¹, by light that travels in `direction`: zero where the lamp is not
+    /// seen ([`Lamp::sight`]).
+    pub fn radiance(&self, point: DVec3, direction: DVec3) -> DVec3 {
+        self.sight(point, direction).map_or(DVec3::ZERO, |sight| sight.radiance)
     }
 
     fn intensity_towards(&self, direction: DVec3) -> Option<DVec3> {

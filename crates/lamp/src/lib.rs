@@ -17,6 +17,6 @@ mod slide;
 pub use area::{Disk, Rectangle, Sphere};
 pub use description::{Light, LightError, Mosaic};
 pub use environment::{Environment, Highlights};
-pub use lamp::{Arrival, Lamp, Ray};
+pub use lamp::{Arrival, Lamp, Ray, Sight};
 pub use placement::Placement;
 pub use slide::Slide;
