@@ -70,8 +70,8 @@ impl TexturePicture {
         let place = self.picture_from_mesh.transform_point2(uv) * size - 0.5;
         let corner = place.floor();
         let share = place - corner;
-        let column = |step: i64| self.wrap[0].index(corner.x as i64 + step, width);
-        let row = |step: i64| self.wrap[1].index(corner.y as i64 + step, height);
+        let column = |step: i64| self.wrap[0].index((corner.x as i64).saturating_add(step), width);
+        let row = |step: i64| self.wrap[1].index((corner.y as i64).saturating_add(step), height);
         let at = |x: usize, y: usize| Vec3::from_array(self.picture.pixel(x, y));
         let (left, right, top, bottom) = (column(0), column(1), row(0), row(1));
         let above = at(left, top).lerp(at(right, top), share.x);

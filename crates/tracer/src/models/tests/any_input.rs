@@ -107,7 +107,7 @@ fn the_seeds_of_the_fuzz_target_are_read() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { rng_seed: proptest::test_runner::RngSeed::Fixed(77), ..seeded(15000) })]
+    #![proptest_config(seeded(1000))]
 
     #[test]
     fn a_spoiled_gltf_is_used_or_refused(text in spoiled_text(GLTF.as_slice())) {
