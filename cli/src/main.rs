@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the input is damaged or incomplete.
 
+mod capture;
 mod compare;
 mod develop;
 mod failure;
@@ -9,9 +10,11 @@ mod import;
 mod inspect;
 mod light;
 mod output;
+mod plan;
 mod progress;
 mod projection;
 mod relight;
+mod render;
 
 use std::process::ExitCode;
 
@@ -45,10 +48,13 @@ Example:
 
 #[derive(Subcommand)]
 enum Verb {
+    Plan(plan::Arguments),
+    Capture(capture::Arguments),
     Develop(develop::Arguments),
     Import(import::Arguments),
     Light(light::Arguments),
     Relight(relight::Arguments),
+    Render(render::Arguments),
     Compare(compare::Arguments),
     Inspect(inspect::Arguments),
 }
@@ -60,10 +66,13 @@ fn main() -> ExitCode {
     }
     let talk = progress::Talk::new(command.quiet);
     let done = match command.verb {
+        Verb::Plan(arguments) => plan::run(&arguments, &talk),
+        Verb::Capture(arguments) => capture::run(&arguments, &talk),
         Verb::Develop(arguments) => develop::run(&arguments, &talk),
         Verb::Import(arguments) => import::run(&arguments, &talk),
         Verb::Light(arguments) => light::run(&arguments, &talk),
         Verb::Relight(arguments) => relight::run(&arguments, &talk),
+        Verb::Render(arguments) => render::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
     };

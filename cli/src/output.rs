@@ -62,6 +62,15 @@ pub(crate) enum PictureFormat {
 }
 
 impl PictureFormat {
+    pub(crate) fn extension(self) -> &'static str {
+        match self {
+            Self::Exr => "exr",
+            Self::Hdr => "hdr",
+            Self::Png => "png",
+            Self::Tiff => "tif",
+        }
+    }
+
     pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         match extension.as_deref() {

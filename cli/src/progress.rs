@@ -22,7 +22,7 @@ impl Talk {
     }
 
     /// The first few of many lines, and how many more there are.
-    fn say_some(&self, lines: &[String], most: usize) {
+    pub(crate) fn say_some(&self, lines: &[String], most: usize) {
         lines.iter().take(most).for_each(|line| self.say(format!("  {line}")));
         if lines.len() > most {
             self.say(format!("  … and {} more", lines.len() - most));

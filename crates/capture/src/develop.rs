@@ -79,10 +79,7 @@ impl Developer {
 
     /// Bytes that one position needs in memory while it is developed, and `tile_pixels` of its squares are told apart.
     pub fn bytes_per_position(&self, tile_pixels: usize) -> usize {
-        let (width, height) = self.capture.setup().picture_size();
-        let squares = self.capture.setup().cells().squares();
-        let frames = self.capture.setup().scheme().lighting(squares).len() + 2;
-        frames * width * height * 12 + 2 * squares * squares * tile_pixels.min(width * height) * 12
+        self.capture.setup().developing_bytes(tile_pixels)
     }
 
     /// Reads the photographs of a position and makes radiance of them. Inside, `Err` with what was lost if there is no black
@@ -214,31 +211,8 @@ impl Developer {
 
     /// Holds a picture against what the set-up promises.
     fn check(&self, path: &Path, picture: &Picture) -> Result<(), CaptureError> {
-        let setup = self.capture.setup();
-        let fail = |reason: String| Err(CaptureError::Photograph { path: PathBuf::from(path), reason });
-        let (width, height) = setup.picture_size();
-        if picture.size() != (width, height) {
-            let (found_width, found_height) = picture.size();
-            return fail(format!(
-                "capture.toml promises pictures of {width} × {height}, this one has {found_width} × {found_height}"
-            ));
-        }
-        let (_, white_level) = setup.levels();
-        match picture {
-            Picture::Integer { bits: 8, .. } if white_level > 255 => fail(format!(
-                "an 8-bit picture, but capture.toml promises counts up to white_level = {white_level}: convert nothing to \
-                 8 bits, or set white_level"
-            )),
-            Picture::Integer { bits: 16, .. } if white_level <= 255 => fail(format!(
-                "a 16-bit picture, but in capture.toml white_level = {white_level}: set it to the counts at which the \
-                 camera clips"
-            )),
-            Picture::Float(_) if setup.response_name() != "linear" => fail(format!(
-                "a float picture is linear already, but capture.toml says response = \"{}\"",
-                setup.response_name()
-            )),
-            _ => Ok(()),
-        }
+        let fail = |reason| CaptureError::Photograph { path: PathBuf::from(path), reason };
+        self.capture.setup().check_picture(picture).map_err(fail)
     }
 }
 

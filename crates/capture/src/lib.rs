@@ -19,5 +19,5 @@ pub use develop::{Developer, Loss};
 pub use developed::{DevelopedPosition, Tile};
 pub use error::CaptureError;
 pub use pattern::{Scheme, ShownPattern};
-pub use photographs::{PhotographRow, Photographs, csv_fields};
+pub use photographs::{PhotographRow, Photographs, csv_fields, csv_header};
 pub use setup::{CameraResponse, Setup};

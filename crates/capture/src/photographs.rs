@@ -42,6 +42,29 @@ const LONGEST_LINE: u64 = 64 << 10;
 
 const COLUMNS: [&str; 7] = ["position", "pattern", "exposure_s", "iso", "f_number", "file", "sha256"];
 
+/// The header line of `photographs.csv`, with its newline.
+pub fn csv_header() -> String {
+    COLUMNS.join(",") + "\n"
+}
+
+impl PhotographRow {
+    /// The line of the table that says this of a photograph, with its newline: what [`Photographs::parse`] reads back.
+    /// `line` is where it will stand and is not said. A name with a line break cannot be said.
+    pub fn csv_line(&self, position: usize, pattern: ShownPattern) -> String {
+        let Self { exposure, file, sha256, .. } = self;
+        let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+        let (iso, f_number) = (exposure.gain.map(|gain| gain.iso), exposure.gain.map(|gain| gain.f_number));
+        // On every system with the separator that every system reads.
+        let file: Vec<_> = file.iter().map(|part| part.to_string_lossy()).collect();
+        let mut file = file.join("/");
+        if file.contains([',', '"']) {
+            file = format!("\"{}\"", file.replace('"', "\"\""));
+        }
+        let sha256: String = sha256.iter().flatten().map(|byte| format!("{byte:02x}")).collect();
+        format!("{position},{pattern},{},{},{},{file},{sha256}\n", exposure.exposure_s, number(iso), number(f_number))
+    }
+}
+
 impl Photographs {
     /// Reads the table.
     ///
@@ -224,6 +247,27 @@ mod tests {
 
     fn parse(rows: &str) -> Result<Photographs, String> {
         Photographs::parse(Path::new("p.csv"), format!("{HEADER}{rows}").as_bytes()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn every_row_goes_there_and_back() {
+        let gain = Some(Gain { iso: 12800.0, f_number: 5.6 });
+        let sha256 = Some(std::array::from_fn(|index| index as u8 * 8));
+        let files = ["photographs/p000/black_e0.png", "a, b/\"c\".png", "weiß.exr"];
+        for (exposure_s, gain, sha256, file) in [
+            (0.0333, gain, sha256, files[0]),
+            (1.0 / 3.0, None, None, files[1]),
+            (1e-9, None, sha256, files[2]),
+            (3600.0, gain, None, files[0]),
+        ] {
+            let exposure = ExposureSettings { exposure_s, gain };
+            let row = PhotographRow { exposure, file: file.into(), sha256, line: 2 };
+            let pattern = ShownPattern::Row { v: 3, k: 1 };
+            let text = csv_header() + &row.csv_line(7, pattern);
+            let read = Photographs::parse(Path::new("p.csv"), text.as_bytes()).unwrap();
+            assert_eq!(read.rows[&(7, pattern)], [row], "{text}");
+        }
+        assert_eq!(csv_header(), HEADER);
     }
 
     #[test]

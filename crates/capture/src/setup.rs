@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::{Component, Path};
 
 use relumine_basis::{BasisError, Cell, Cells, Layout, Partition, Pattern, Position, Reach};
-use relumine_radiometry::files::MAX_PIXELS;
+use relumine_radiometry::files::{MAX_PIXELS, Picture};
 use relumine_radiometry::{Linearization, Response, ResponseCurve, parse_toml, read_text};
 use serde::Deserialize;
 
@@ -233,6 +233,45 @@ impl Setup {
         let Reach::Near { pattern, .. } = self.cells.reach() else { return self.intensity_w_sr };
         let side = 2.0 * pattern.half_width() / pattern.squares() as f64;
         self.intensity_w_sr * side * side * self.square_flux[v * pattern.squares() + u]
+    }
+
+    /// Bytes of memory that one position needs while it is developed, and `tile_pixels` of its squares are told apart.
+    pub fn developing_bytes(&self, tile_pixels: usize) -> usize {
+        let squares = self.cells.squares();
+        let frames = self.scheme.lighting(squares).len() + 2;
+        let pixels = self.width * self.height;
+        let frames = frames.saturating_mul(pixels).saturating_mul(12);
+        frames.saturating_add((2 * squares * squares * 12).saturating_mul(tile_pixels.min(pixels)))
+    }
+
+    /// Holds a picture against what is promised of the camera's pictures: size, bits, whether it is linear.
+    ///
+    /// # Errors
+    /// What was promised, what came, what to do.
+    pub fn check_picture(&self, picture: &Picture) -> Result<(), String> {
+        let (found_width, found_height) = picture.size();
+        if (found_width, found_height) != (self.width, self.height) {
+            return Err(format!(
+                "capture.toml promises pictures of {} × {}, this one has {found_width} × {found_height}",
+                self.width, self.height
+            ));
+        }
+        let white_level = self.white_level;
+        match picture {
+            Picture::Integer { bits: 8, .. } if white_level > 255 => Err(format!(
+                "an 8-bit picture, but capture.toml promises counts up to white_level = {white_level}: convert nothing to \
+                 8 bits, or set white_level"
+            )),
+            Picture::Integer { bits: 16, .. } if white_level <= 255 => Err(format!(
+                "a 16-bit picture, but in capture.toml white_level = {white_level}: set it to the counts at which the \
+                 camera clips"
+            )),
+            Picture::Float(_) if self.response_name != "linear" => Err(format!(
+                "a float picture is linear already, but capture.toml says response = \"{}\"",
+                self.response_name
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// |Ωᵢ| / Φ_square: what a photograph of one square is multiplied with to become the transfer Rᵢ of its cell.

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use relumine_capture::separation::{Method, Residual};
-use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Tile};
-use relumine_field::{Extent, FieldError, FieldWriter, Header, PositionRecord};
+use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Setup, Tile};
+use relumine_field::{Blocks, Extent, FieldError, FieldWriter, Header, PositionRecord};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
@@ -95,6 +95,12 @@ impl DevelopedReport {
     }
 }
 
+/// Pixels whose squares are told apart at once, a block a thread.
+fn block_pixels(blocks: Blocks) -> usize {
+    let [height, width] = blocks.block();
+    height * width * rayon::current_num_threads()
+}
+
 /// A capture being developed: an iterator over its positions. Drop it to stop; start it again to go on.
 pub struct Development {
     capture: PathBuf,
@@ -131,10 +137,15 @@ impl Development {
         let header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
         let writer = FieldWriter::open(field, header, &input, options.replace)?;
         let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
-        let [block_height, block_width] = writer.blocks().block();
-        let position_bytes = developer.bytes_per_position(block_height * block_width * rayon::current_num_threads());
+        let position_bytes = developer.bytes_per_position(block_pixels(writer.blocks()));
         let together = (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads());
         Ok(Self { capture: path, queue: Queue::new(waiting, together), already_done, developer, writer })
+    }
+
+    /// Bytes of memory that one position of a capture needs while it is developed with all threads.
+    pub fn bytes_per_position(setup: &Setup) -> usize {
+        let (width, height) = setup.picture_size();
+        setup.developing_bytes(block_pixels(Blocks::of_picture(width, height)))
     }
 
     /// Number of positions in all.

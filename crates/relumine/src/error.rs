@@ -9,6 +9,8 @@ use relumine_lamp::LightError;
 use relumine_radiometry::DescriptionError;
 use relumine_radiometry::files::FileError;
 use relumine_relight::RelightError;
+use relumine_rig::RigError;
+use relumine_tracer::{RenderError, SceneError};
 
 /// Why a job failed.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +31,15 @@ pub enum Error {
     /// The relighting.
     #[error(transparent)]
     Relight(#[from] RelightError),
+    /// The rig, or the capture that it fills.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The virtual scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The light on a virtual scene.
+    #[error(transparent)]
+    Render(#[from] RenderError),
     /// A picture file.
     #[error(transparent)]
     File(#[from] FileError),
@@ -72,17 +83,9 @@ impl Error {
     /// What a person can do about it, if there is anything to say beyond the error itself.
     pub fn hint(&self) -> Option<&'static str> {
         match self {
-            Self::Capture(CaptureError::Read { .. }) => {
-                Some("a capture is a directory with capture.toml and photographs.csv; FORMAT.md describes both")
-            }
-            Self::Capture(CaptureError::Row { .. }) => Some("correct the line, or remove it if the photograph is gone"),
-            Self::Capture(CaptureError::Photograph { .. }) => {
-                Some("correct [camera] in capture.toml, or remove the photograph's row from photographs.csv")
-            }
+            Self::Rig(error) => rig_hint(error),
+            Self::Capture(error) => capture_hint(error),
             Self::Field(FieldError::Exists { .. }) => Some("choose another name, or add --force to replace it"),
-            Self::Capture(CaptureError::Description(DescriptionError::Read { .. })) => {
-                Some("a capture is a directory with capture.toml and photographs.csv; FORMAT.md describes both")
-            }
             Self::Field(FieldError::Damaged { .. } | FieldError::Read { .. })
             | Self::Relight(RelightError::Field(FieldError::Damaged { .. } | FieldError::Read { .. })) => {
                 Some("`relumine inspect` lists all that is damaged; develop the capture again")
@@ -100,6 +103,12 @@ impl Error {
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {
                 Some("a mosaic belongs to the cells it was written for; write one with `relumine light … --for FIELD`")
             }
+            Self::Scene(SceneError::Description(DescriptionError::Read { .. })) => {
+                Some("a scene is a scene.toml (FORMAT.md describes it), or a model: .gltf, .glb or .obj")
+            }
+            Self::Render(RenderError::Mosaic) => {
+                Some("render the scene's field (`relumine render … --transfer RIG.toml -o FIELD`), and relight that")
+            }
             _ => None,
         }
     }
@@ -108,6 +117,10 @@ impl Error {
     pub fn is_damaged_input(&self) -> bool {
         match self {
             Self::Capture(_) => true,
+            Self::Rig(error) => matches!(
+                error,
+                RigError::Description(_) | RigError::Capture(_) | RigError::Rig { .. } | RigError::Contradiction { .. }
+            ),
             Self::Field(error) | Self::Relight(RelightError::Field(error)) => matches!(
                 error,
                 FieldError::Damaged { .. }
@@ -116,8 +129,42 @@ impl Error {
                     | FieldError::Geometry { .. }
             ),
             Self::File(error) => !matches!(error, FileError::Write { .. }),
-            Self::Light(_) | Self::NothingUsable { .. } | Self::LampList { .. } => true,
-            Self::Incident(_) | Self::Relight(_) | Self::NeitherMosaicNorMap { .. } => false,
+            Self::Scene(_) | Self::Light(_) | Self::NothingUsable { .. } | Self::LampList { .. } => true,
+            Self::Incident(_) | Self::Relight(_) | Self::Render(_) | Self::NeitherMosaicNorMap { .. } => false,
         }
+    }
+}
+
+fn capture_hint(error: &CaptureError) -> Option<&'static str> {
+    match error {
+        CaptureError::Read { .. } | CaptureError::Description(DescriptionError::Read { .. }) => {
+            Some("a capture is a directory with capture.toml and photographs.csv; FORMAT.md describes both")
+        }
+        CaptureError::Row { .. } => Some("correct the line, or remove it if the photograph is gone"),
+        CaptureError::Photograph { .. } => {
+            Some("correct [camera] in capture.toml, or remove the photograph's row from photographs.csv")
+        }
+        _ => None,
+    }
+}
+
+fn rig_hint(error: &RigError) -> Option<&'static str> {
+    match error {
+        RigError::Capture(error) => capture_hint(error),
+        RigError::Description(DescriptionError::Read { .. }) => Some(
+            "`relumine plan RIG.toml CAPTURE` lays out a capture from the description of a rig; FORMAT.md has every key",
+        ),
+        RigError::Exists { .. } => Some("choose another name, or add --force to replace a capture without photographs"),
+        RigError::Precious { .. } => Some("choose another name, or move it away yourself"),
+        RigError::Busy { .. } => Some("wait for it to end"),
+        RigError::Contradiction { .. } => Some("undo the change, or lay out another capture with `relumine plan`"),
+        RigError::Write { .. } => Some("free some space or choose another disk; run the same command again to go on"),
+        RigError::Photograph { .. } => Some(
+            "set the camera as [camera] in rig.toml says, or lay out another capture; run the same command again to go on",
+        ),
+        RigError::Read { .. } | RigError::Device { .. } | RigError::Stopped => {
+            Some("put it right and run the same command again to go on")
+        }
+        _ => None,
     }
 }

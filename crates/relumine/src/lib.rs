@@ -32,12 +32,14 @@ mod error;
 mod import;
 mod lights;
 mod queue;
+mod scene_field;
 
 pub use check::CaptureCheck;
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
 pub use error::Error;
 pub use import::{Import, ImportOptions, LampList, LampPhotograph};
 pub use lights::{LightKind, picture_kind, read_light, write_mosaic};
+pub use scene_field::SceneField;
 
 pub use relumine_basis as basis;
 pub use relumine_basis::{Cell, Cells, Coefficients};
@@ -47,3 +49,7 @@ pub use relumine_incident::{Options as ProjectionOptions, Projected, Reconstruct
 pub use relumine_lamp::Light;
 pub use relumine_radiometry as radiometry;
 pub use relumine_relight::{Relighting, ResidentField, missing_share, relight_reference};
+pub use relumine_rig as rig;
+pub use relumine_rig::{Rig, Run, lay_out};
+pub use relumine_tracer as tracer;
+pub use relumine_tracer::{PathOptions, Rendering, Scene};

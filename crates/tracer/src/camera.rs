@@ -72,6 +72,8 @@ mod tests {
         let camera = |target: DVec3, fov: f64| Camera::new(DVec3::ZERO, target, DVec3::Z, fov);
         assert!(camera(DVec3::X, 1.0).is_some());
         assert!(camera(DVec3::ZERO, 1.0).is_none() && camera(DVec3::Z, 1.0).is_none());
-        assert!(camera(DVec3::X, 0.0).is_none() && camera(DVec3::X, 3.2).is_none() && camera(DVec3::X, f64::NAN).is_none());
+        assert!(
+            camera(DVec3::X, 0.0).is_none() && camera(DVec3::X, 3.2).is_none() && camera(DVec3::X, f64::NAN).is_none()
+        );
     }
 }

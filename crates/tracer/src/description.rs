@@ -176,10 +176,8 @@ impl Check<'_> {
                 alpha: alpha(glass.alpha)?,
                 tint: self.colour(place("tint"), glass.tint)?,
             }),
-            _ => self.fail(
-                format!("material \"{}\"", text.name),
-                "expected one of diffuse, conductor, plastic and glass",
-            ),
+            _ => self
+                .fail(format!("material \"{}\"", text.name), "expected one of diffuse, conductor, plastic and glass"),
         }
     }
 
@@ -234,9 +232,7 @@ impl Check<'_> {
                     picture_from_mesh: Affine2::IDENTITY,
                 }))
             }
-            ColourText::Varying(_) => {
-                self.fail(place, "expected a colour, { checkerboard, fields } or { picture }")
-            }
+            ColourText::Varying(_) => self.fail(place, "expected a colour, { checkerboard, fields } or { picture }"),
         }
     }
 
@@ -253,7 +249,8 @@ impl Check<'_> {
         let [x, y, z] = text.rotate_deg.map(f32::to_radians);
         let translation = Vec3::from_array(text.translate_m);
         if !([x, y, z].iter().all(|angle| angle.is_finite()) && translation.abs().max_element() <= FARTHEST_M) {
-            return self.fail(place("translate_m"), format!("expected finite angles, and places within {FARTHEST_M} m"));
+            return self
+                .fail(place("translate_m"), format!("expected finite angles, and places within {FARTHEST_M} m"));
         }
         let turn = Quat::from_euler(EulerRot::ZYX, z, y, x);
         let world_from_object = Affine3A::from_scale_rotation_translation(Vec3::splat(scale), turn, translation);
@@ -263,7 +260,8 @@ impl Check<'_> {
                 Some(material) => Some(material.clone()),
                 None => {
                     let known: Vec<&str> = materials.keys().copied().collect();
-                    let near = nearest(wanted, &known).map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
+                    let near =
+                        nearest(wanted, &known).map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
                     return self.fail(place("material"), format!("there is no material \"{wanted}\"{near}"));
                 }
             },

@@ -88,7 +88,11 @@ impl Visitor for Gather<'_> {
     fn wants_legs(&self) -> bool {
         // Only what has an extent is met by chance.
         self.lighting.sky.is_some()
-            || self.lighting.lamps.iter().any(|lamp| matches!(lamp, Lamp::Sphere(_) | Lamp::Rectangle(_) | Lamp::Disk(_)))
+            || self
+                .lighting
+                .lamps
+                .iter()
+                .any(|lamp| matches!(lamp, Lamp::Sphere(_) | Lamp::Rectangle(_) | Lamp::Disk(_)))
     }
 
     fn leg(&mut self, leg: &Leg) {
@@ -104,7 +108,8 @@ impl Visitor for Gather<'_> {
         };
         let (point, direction) = (leg.start.as_dvec3(), -leg.direction.as_dvec3());
         for lamp in &self.lighting.lamps {
-            if let Some(sight) = lamp.sight(point, direction).filter(|sight| sight.distance_m < f64::from(leg.distance)) {
+            if let Some(sight) = lamp.sight(point, direction).filter(|sight| sight.distance_m < f64::from(leg.distance))
+            {
                 self.radiance += leg.throughput * (sight.radiance * chance(sight.density)).as_vec3();
             }
         }

@@ -210,8 +210,7 @@ pub(crate) fn walk(
         visitor.vertex(&vertex, &mut random);
 
         let bsdf = scene.bsdf(place.surface);
-        let Some(scattered) =
-            bsdf.sample(&vertex.varying, vertex.wo, [random.next(), random.next(), random.next()])
+        let Some(scattered) = bsdf.sample(&vertex.varying, vertex.wo, [random.next(), random.next(), random.next()])
         else {
             return;
         };

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use relumine_lamp::{Lamp, Light};
 use relumine_radiometry::{Image, Radiance};
 
+use crate::Scene;
 use crate::lighting::{Gather, Lighting};
 use crate::path::{PathOptions, walk};
-use crate::Scene;
 
 /// What a renderer of light descriptions cannot do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -173,8 +173,13 @@ impl Scene {
     fn place(&self, index: usize, hit: ShapeHit, origin: Vec3, direction: Vec3) -> Place {
         let (shape, Origin { part, triangle }) = self.shapes[index];
         let body = &self.parts[part as usize];
-        let at = |position: Vec3, geometric: Vec3, shading: Vec3, uv: Vec2| {
-            Place { position, distance: hit.distance, geometric, shading, uv, surface: body.surface }
+        let at = |position: Vec3, geometric: Vec3, shading: Vec3, uv: Vec2| Place {
+            position,
+            distance: hit.distance,
+            geometric,
+            shading,
+            uv,
+            surface: body.surface,
         };
         match (shape, &body.mesh) {
             (Shape::Ball { centre, radius }, _) => {

@@ -28,12 +28,7 @@ impl PreparedRay {
             std::mem::swap(&mut kx, &mut ky);
         }
         let z = direction[kz];
-        Self {
-            origin,
-            direction,
-            axes: [kx, ky, kz],
-            shear: Vec3::new(direction[kx] / z, direction[ky] / z, 1.0 / z),
-        }
+        Self { origin, direction, axes: [kx, ky, kz], shear: Vec3::new(direction[kx] / z, direction[ky] / z, 1.0 / z) }
     }
 }
 
@@ -85,9 +80,8 @@ fn meet_triangle(corners: &[Vec3; 3], ray: &PreparedRay, nearest: f32) -> Option
     let (mut u, mut v, mut w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
     if u == 0.0 || v == 0.0 || w == 0.0 {
         // On an edge single precision cannot tell the side, double precision can.
-        let cross = |ax: f32, ay: f32, bx: f32, by: f32| {
-            (f64::from(ax) * f64::from(by) - f64::from(ay) * f64::from(bx)) as f32
-        };
+        let cross =
+            |ax: f32, ay: f32, bx: f32, by: f32| (f64::from(ax) * f64::from(by) - f64::from(ay) * f64::from(bx)) as f32;
         (u, v, w) = (cross(cx, cy, bx, by), cross(ax, ay, cx, cy), cross(bx, by, ax, ay));
     }
     if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {

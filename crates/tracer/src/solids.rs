@@ -49,7 +49,7 @@ pub(crate) struct Lathe<'a> {
 }
 
 /// Steps of a smooth profile between two of its points.
-const STEPS: usize = 8;
+const STEPS: usize = 5;
 
 impl Lathe<'_> {
     pub(crate) fn turn(&self) -> Mesh {
@@ -130,7 +130,8 @@ fn spline(points: &[Vec2]) -> Vec<(Vec2, Vec2)> {
     // The tangent at a point follows its neighbours; no longer than the shorter of the two pieces, or it would overshoot.
     let tangent = |index: usize| {
         // What ends on the axis goes on mirrored beyond it.
-        let beyond = |neighbour: Vec2| if points[index].x == 0.0 { neighbour * Vec2::new(-1.0, 1.0) } else { points[index] };
+        let beyond =
+            |neighbour: Vec2| if points[index].x == 0.0 { neighbour * Vec2::new(-1.0, 1.0) } else { points[index] };
         let before = if index > 0 { points[index - 1] } else { beyond(points[1]) };
         let after = if index < last { points[index + 1] } else { beyond(points[last - 1]) };
         let reach = [index.checked_sub(1), (index < last).then_some(index)]
@@ -147,7 +148,8 @@ fn spline(points: &[Vec2]) -> Vec<(Vec2, Vec2)> {
         for step in 0..end {
             let t = step as f32 / STEPS as f32;
             let (t2, t3) = (t * t, t * t * t);
-            let mut point = (2.0 * t3 - 3.0 * t2 + 1.0) * p + (t3 - 2.0 * t2 + t) * m + (3.0 * t2 - 2.0 * t3) * q + (t3 - t2) * n;
+            let mut point =
+                (2.0 * t3 - 3.0 * t2 + 1.0) * p + (t3 - 2.0 * t2 + t) * m + (3.0 * t2 - 2.0 * t3) * q + (t3 - t2) * n;
             let along = (6.0 * t2 - 6.0 * t) * (p - q) + (3.0 * t2 - 4.0 * t + 1.0) * m + (3.0 * t2 - 2.0 * t) * n;
             // The curve may not cross the axis.
             point.x = point.x.max(0.0);
@@ -177,7 +179,8 @@ mod tests {
     #[test]
     fn a_turned_rectangle_is_a_cylinder_and_a_turned_arc_a_ball() {
         let segments = 256;
-        let cylinder = Lathe { profile: &[[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]], smooth: false, segments }.turn();
+        let cylinder =
+            Lathe { profile: &[[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]], smooth: false, segments }.turn();
         assert!((volume(&cylinder) / std::f32::consts::TAU - 1.0).abs() < 1e-3, "{}", volume(&cylinder));
         let arc: Vec<[f32; 2]> = (0..=24)
             .map(|i| {

@@ -104,8 +104,12 @@ mod tests {
         let picture = Arc::new(Image::from_pixels(4, 1, (0..4).map(|x| [x as f32, 0.0, 0.0]).collect()));
         let at = |wrap: Wrap, u: f32| {
             let picture = picture.clone();
-            let texture =
-                TexturePicture { picture, factor: Vec3::splat(2.0), wrap: [wrap; 2], picture_from_mesh: Affine2::IDENTITY };
+            let texture = TexturePicture {
+                picture,
+                factor: Vec3::splat(2.0),
+                wrap: [wrap; 2],
+                picture_from_mesh: Affine2::IDENTITY,
+            };
             Texture::Picture(texture).at(Vec2::new(u, 0.3)).x / 2.0
         };
         for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {

@@ -35,7 +35,11 @@ fn materials() -> Vec<(&'static str, Material)> {
 }
 
 fn directions() -> [Vec3; 3] {
-    [Vec3::new(0.0, 0.1, 1.0).normalize(), Vec3::new(0.6, -0.2, 0.7).normalize(), Vec3::new(-0.9, 0.2, 0.25).normalize()]
+    [
+        Vec3::new(0.0, 0.1, 1.0).normalize(),
+        Vec3::new(0.6, -0.2, 0.7).normalize(),
+        Vec3::new(-0.9, 0.2, 0.25).normalize(),
+    ]
 }
 
 fn sides(bsdf: &Bsdf, material: &Material) -> Vec<Varying> {
