@@ -1,15 +1,16 @@
 //! Reading a scene: `scene.toml` (FORMAT.md §6), or a model file by itself.
 
+mod named;
 mod text;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::{Affine2, Affine3A, DVec3, EulerRot, Quat, Vec2, Vec3};
-use relumine_radiometry::files::{self, FileError, MAX_PIXELS};
+use relumine_radiometry::files::{FileError, MAX_PIXELS};
 use relumine_radiometry::{DescriptionError, nearest, parse_toml, read_text};
 
+use named::Named;
 use text::{CameraText, ColourText, ConductorText, LatheText, MaterialText, ObjectText, Text, VaryingText};
 
 use crate::scene::Solid;
@@ -49,8 +50,26 @@ const METALS: [(&str, [f32; 3], [f32; 3]); 4] = [
     ("Cu", [0.200_44, 0.924_03, 1.102_21], [3.912_9, 2.452_8, 2.142_2]),
 ];
 
-/// The largest extent and coordinate of anything, metres: single precision holds a tenth of a millimetre there.
+/// The largest coordinate of anything, metres: single precision holds a tenth of a millimetre there.
 const FARTHEST_M: f32 = 1e3;
+
+/// The smallest length of anything before it is scaled, metres.
+const SMALLEST_M: f32 = 1e-6;
+
+/// The most materials: the clear coat of each plastic is tabulated, which takes some milliseconds.
+const MAX_MATERIALS: usize = 4096;
+
+/// The most triangles of a scene, as of one model.
+const MAX_TRIANGLES: usize = 1 << 26;
+
+/// The most triangles that all lathes of a scene may turn: a line of text asks for thousands of them.
+const MAX_TURNED: usize = 1 << 22;
+
+/// The least index of rough glass: with none, no facet bends light.
+const LEAST_ROUGH_INDEX: f32 = 1.01;
+
+/// Letters of an object's name that are kept: every part of a model carries it.
+const NAME_LETTERS: usize = 80;
 
 impl Scene {
     /// The `format` line of this version.
@@ -80,15 +99,17 @@ impl Scene {
             return check.fail("format", format!("expected \"{}\", found \"{}\"", Self::FORMAT, text.format));
         }
         let camera = check.camera(&text.camera)?;
+        check.claims(&text)?;
+        let mut named = Named::default();
         let mut materials = HashMap::new();
         for material in &text.material {
-            if materials.insert(material.name.as_str(), check.material(material)?).is_some() {
+            if materials.insert(material.name.as_str(), check.material(material, &mut named)?).is_some() {
                 return check.fail(format!("material \"{}\"", material.name), "the name is given twice");
             }
         }
         let mut solids = Vec::new();
         for (index, object) in text.object.iter().enumerate() {
-            check.object(index, object, &materials, &mut solids)?;
+            check.object(index, object, &materials, &mut named, &mut solids)?;
         }
         Ok(Self::new(camera, (text.camera.width, text.camera.height), solids))
     }
@@ -99,17 +120,29 @@ fn alone(path: &Path) -> Result<Scene, SceneError> {
     let model = read_model(path, None)?;
     let check = Check { path };
     let corners = || model.parts.iter().flat_map(|part| &part.mesh.positions);
+    if let Some(far) = corners().find(|corner| !is_near(**corner)) {
+        return check
+            .fail("model", format!("expected triangles within {FARTHEST_M} m of the origin, found one at {far}"));
+    }
     let low = corners().fold(Vec3::INFINITY, |low, corner| low.min(*corner));
     let high = corners().fold(Vec3::NEG_INFINITY, |high, corner| high.max(*corner));
-    if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() <= FARTHEST_M) {
-        return check.fail("model", format!("expected triangles within {FARTHEST_M} m of the origin"));
-    }
     let (centre, radius) = ((0.5 * (low + high)).as_dvec3(), f64::from((0.5 * (high - low)).length()).max(1e-6));
     let fov = 30f64.to_radians();
     let from = DVec3::new(0.0, -0.82, 0.57).normalize();
     let camera = Camera::new(centre + from * (1.05 * radius / (0.5 * fov).sin()), centre, DVec3::Z, fov);
     let Some(camera) = camera else { return check.fail("model", "has no extent") };
     Ok(Scene::new(camera, (480, 480), model.parts.into_iter().map(Solid::Mesh).collect()))
+}
+
+/// Whether a point lies within reach; what is not a number does not.
+fn is_near(point: Vec3) -> bool {
+    point.is_finite() && point.abs().max_element() <= FARTHEST_M
+}
+
+/// About x, then y, then z, the axes of the world.
+fn turn(rotate_deg: [f32; 3]) -> Quat {
+    let [x, y, z] = rotate_deg.map(f32::to_radians);
+    Quat::from_euler(EulerRot::ZYX, z, y, x)
 }
 
 /// Values held against their ranges.
@@ -130,7 +163,7 @@ impl Check<'_> {
         if (low..=high).contains(&value) {
             Ok(value)
         } else {
-            self.fail(place, format!("must be {low} to {high}, but is {value}"))
+            self.fail(place, format!("expected {low} to {high}, found {value}"))
         }
     }
 
@@ -139,67 +172,117 @@ impl Check<'_> {
             let found = format!("{} × {}", text.width, text.height);
             return self.fail("camera: width, height", format!("expected 1 to {MAX_PIXELS} pixels, found {found}"));
         }
-        let vectors = [text.position, text.target, text.up].map(DVec3::from_array);
-        if vectors.iter().any(|vector| !(vector.length() <= f64::from(FARTHEST_M))) {
-            return self.fail("camera", format!("position, target and up must be finite and within {FARTHEST_M} m"));
+        for (key, vector) in [("position", text.position), ("target", text.target), ("up", text.up)] {
+            let length = DVec3::from_array(vector).length();
+            if !length.is_finite() || length > f64::from(FARTHEST_M) {
+                let reason = format!("expected at most {FARTHEST_M} m from the origin, found {vector:?}");
+                return self.fail(format!("camera: {key}"), reason);
+            }
         }
-        let [position, target, up] = vectors;
-        match Camera::new(position, target, up, text.horizontal_fov_deg.to_radians()) {
+        let fov = text.horizontal_fov_deg;
+        if !(fov > 0.0 && fov < 180.0) {
+            return self.fail("camera: horizontal_fov_deg", format!("expected above 0 and below 180, found {fov}"));
+        }
+        let [position, target, up] = [text.position, text.target, text.up].map(DVec3::from_array);
+        if (target - position).try_normalize().is_none() {
+            return self.fail("camera: target", format!("expected apart from the position, found {:?}", text.target));
+        }
+        match Camera::new(position, target, up, fov.to_radians()) {
             Some(camera) => Ok(camera),
-            None => self.fail(
-                "camera",
-                "expected a target apart from the position, an up that is not along the view, and horizontal_fov_deg \
-                 above 0 and below 180",
-            ),
+            None => self.fail("camera: up", format!("expected not along the view, found {:?}", text.up)),
         }
     }
 
-    fn material(&self, text: &MaterialText) -> Result<Material, SceneError> {
+    /// What a few words ask for, before anything is made of it.
+    fn claims(&self, text: &Text) -> Result<(), SceneError> {
+        let materials = text.material.len();
+        if materials > MAX_MATERIALS {
+            return self.fail("material", format!("expected at most {MAX_MATERIALS}, found {materials}"));
+        }
+        let lathes = text.object.iter().filter_map(|object| object.lathe.as_ref());
+        let turned = lathes.map(most_triangles).fold(0, usize::saturating_add);
+        if turned > MAX_TURNED {
+            return self.fail(
+                "lathe",
+                format!(
+                    "expected at most {MAX_TURNED} triangles of all lathes, found {turned}: fewer segments or points \
+                     make fewer"
+                ),
+            );
+        }
+        Ok(())
+    }
+
+    fn material(&self, text: &MaterialText, named: &mut Named) -> Result<Material, SceneError> {
         let place = |key: &str| format!("material \"{}\": {key}", text.name);
-        let alpha = |value: f32| self.within(place("alpha"), value, 0.0, 1.0);
-        let index = |value: f32| self.within(place("index"), value, 1.0, 4.0);
+        let alpha = |key: &str, value: f32| self.within(place(key), value, 0.0, 1.0);
         match (&text.diffuse, &text.conductor, &text.plastic, &text.glass) {
-            (Some(diffuse), None, None, None) => {
-                Ok(Material::Diffuse { reflectance: self.texture(place("reflectance"), &diffuse.reflectance)? })
-            }
+            (Some(diffuse), None, None, None) => Ok(Material::Diffuse {
+                reflectance: self.texture(place("diffuse.reflectance"), &diffuse.reflectance, named)?,
+            }),
             (None, Some(conductor), None, None) => {
-                let (eta, k) = self.metal(&text.name, conductor)?;
-                Ok(Material::Conductor { eta, k, alpha: alpha(conductor.alpha)? })
+                let (eta, k) = self.metal(place("conductor"), conductor)?;
+                Ok(Material::Conductor { eta, k, alpha: alpha("conductor.alpha", conductor.alpha)? })
             }
             (None, None, Some(plastic), None) => Ok(Material::Plastic {
-                diffuse: self.texture(place("diffuse"), &plastic.diffuse)?,
-                index: index(plastic.index)?,
-                alpha: alpha(plastic.alpha)?,
+                diffuse: self.texture(place("plastic.diffuse"), &plastic.diffuse, named)?,
+                index: self.within(place("plastic.index"), plastic.index, 1.0, 4.0)?,
+                alpha: alpha("plastic.alpha", plastic.alpha)?,
             }),
-            (None, None, None, Some(glass)) => Ok(Material::Glass {
-                index: index(glass.index)?,
-                alpha: alpha(glass.alpha)?,
-                tint: self.colour(place("tint"), glass.tint)?,
-            }),
-            _ => self
-                .fail(format!("material \"{}\"", text.name), "expected one of diffuse, conductor, plastic and glass"),
+            (None, None, None, Some(glass)) => {
+                let alpha = alpha("glass.alpha", glass.alpha)?;
+                let least = if alpha > 0.0 { LEAST_ROUGH_INDEX } else { 1.0 };
+                Ok(Material::Glass {
+                    index: self.within(place("glass.index"), glass.index, least, 4.0)?,
+                    alpha,
+                    tint: self.colour(place("glass.tint"), glass.tint)?,
+                })
+            }
+            (diffuse, conductor, plastic, glass) => {
+                let given = [
+                    ("diffuse", diffuse.is_some()),
+                    ("conductor", conductor.is_some()),
+                    ("plastic", plastic.is_some()),
+                    ("glass", glass.is_some()),
+                ];
+                self.one_of(format!("material \"{}\"", text.name), &given)
+            }
         }
     }
 
-    fn metal(&self, name: &str, text: &ConductorText) -> Result<(Vec3, Vec3), SceneError> {
-        let place = format!("material \"{name}\": conductor");
+    /// Fails: not one of the kinds is given, but none or several.
+    fn one_of<T>(&self, place: String, kinds: &[(&str, bool)]) -> Result<T, SceneError> {
+        let known: Vec<&str> = kinds.iter().map(|(kind, _)| *kind).collect();
+        let given: Vec<&str> = kinds.iter().filter(|(_, given)| *given).map(|(kind, _)| *kind).collect();
+        let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
+        self.fail(place, format!("expected one of {}, found {found}", known.join(", ")))
+    }
+
+    fn metal(&self, place: String, text: &ConductorText) -> Result<(Vec3, Vec3), SceneError> {
         match (&text.metal, text.eta, text.k) {
             (Some(metal), None, None) => match METALS.iter().find(|(known, ..)| known == metal) {
                 Some((_, eta, k)) => Ok((Vec3::from_array(*eta), Vec3::from_array(*k))),
                 None => {
                     let known: Vec<&str> = METALS.iter().map(|(known, ..)| *known).collect();
-                    self.fail(place, format!("metal must be one of {}, found \"{metal}\"", known.join(", ")))
+                    self.fail(place, format!("expected a metal of {}, found \"{metal}\"", known.join(", ")))
                 }
             },
             (None, Some(eta), Some(k)) => {
-                let (eta, k) = (Vec3::from_array(eta), Vec3::from_array(k));
-                if eta.min_element() > 0.0 && k.min_element() >= 0.0 && eta.max(k).max_element() <= 100.0 {
-                    Ok((eta, k))
+                if eta.iter().all(|eta| *eta > 0.0 && *eta <= 100.0) && k.iter().all(|k| (0.0..=100.0).contains(k)) {
+                    Ok((Vec3::from_array(eta), Vec3::from_array(k)))
                 } else {
-                    self.fail(place, "expected eta above 0 and k from 0, at most 100")
+                    self.fail(
+                        place,
+                        format!("expected eta above 0 and k from 0, both at most 100, found {eta:?} and {k:?}"),
+                    )
                 }
             }
-            _ => self.fail(place, "expected either `metal`, or `eta` and `k`"),
+            (metal, eta, k) => {
+                let given = [("metal", metal.is_some()), ("eta", eta.is_some()), ("k", k.is_some())];
+                let given: Vec<&str> = given.iter().filter(|(_, given)| *given).map(|(key, _)| *key).collect();
+                let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
+                self.fail(place, format!("expected either metal, or eta and k, found {found}"))
+            }
         }
     }
 
@@ -211,28 +294,33 @@ impl Check<'_> {
         }
     }
 
-    fn texture(&self, place: String, text: &ColourText) -> Result<Texture, SceneError> {
+    fn texture(&self, place: String, text: &ColourText, named: &mut Named) -> Result<Texture, SceneError> {
         match text {
             ColourText::Constant(colour) => Ok(Texture::Constant(self.colour(place, *colour)?)),
             ColourText::Varying(VaryingText { checkerboard: Some([even, odd]), fields, picture: None }) => {
-                let fields = Vec2::from_array(fields.unwrap_or([8.0; 2]));
-                if !(fields.min_element() > 0.0 && fields.max_element() <= 1e4) {
-                    return self.fail(place, format!("fields must be above 0 and at most 10000, found {fields}"));
+                let fields = fields.unwrap_or([8.0; 2]);
+                if !fields.iter().all(|count| *count > 0.0 && *count <= 1e4) {
+                    return self.fail(place, format!("expected fields above 0 and at most 10000, found {fields:?}"));
                 }
                 let (even, odd) = (self.colour(place.clone(), *even)?, self.colour(place, *odd)?);
-                Ok(Texture::Checkerboard { even, odd, fields })
+                Ok(Texture::Checkerboard { even, odd, fields: Vec2::from_array(fields) })
             }
             ColourText::Varying(VaryingText { checkerboard: None, fields: None, picture: Some(file) }) => {
-                // Float pictures are linear, integer ones sRGB.
-                let picture = files::read_picture(&self.beside(file))?.into_linear(true);
+                let picture = named.picture(&self.beside(file))?;
+                if named.pixels() > MAX_PIXELS {
+                    let reason = format!("expected at most {MAX_PIXELS} pixels in all pictures together, found more");
+                    return self.fail(place, reason);
+                }
                 Ok(Texture::Picture(TexturePicture {
-                    picture: Arc::new(picture),
+                    picture,
                     factor: Vec3::ONE,
                     wrap: [Wrap::Repeat; 2],
                     picture_from_mesh: Affine2::IDENTITY,
                 }))
             }
-            ColourText::Varying(_) => self.fail(place, "expected a colour, { checkerboard, fields } or { picture }"),
+            ColourText::Varying(_) => {
+                self.fail(place, "expected a colour, or { checkerboard } with or without fields, or { picture }")
+            }
         }
     }
 
@@ -241,18 +329,24 @@ impl Check<'_> {
         index: usize,
         text: &ObjectText,
         materials: &HashMap<&str, Material>,
+        named: &mut Named,
         solids: &mut Vec<Solid>,
     ) -> Result<(), SceneError> {
-        let name = text.name.clone().unwrap_or_else(|| index.to_string());
+        let name: String = match &text.name {
+            Some(name) => name.chars().take(NAME_LETTERS).collect(),
+            None => index.to_string(),
+        };
         let place = |key: &str| format!("object \"{name}\": {key}");
         let scale = self.within(place("scale"), text.scale, 1e-6, 1e6)?;
-        let [x, y, z] = text.rotate_deg.map(f32::to_radians);
-        let translation = Vec3::from_array(text.translate_m);
-        if !([x, y, z].iter().all(|angle| angle.is_finite()) && translation.abs().max_element() <= FARTHEST_M) {
-            return self
-                .fail(place("translate_m"), format!("expected finite angles, and places within {FARTHEST_M} m"));
+        if !text.rotate_deg.iter().all(|angle| angle.is_finite()) {
+            return self.fail(place("rotate_deg"), format!("expected three angles, found {:?}", text.rotate_deg));
         }
-        let turn = Quat::from_euler(EulerRot::ZYX, z, y, x);
+        let translation = Vec3::from_array(text.translate_m);
+        if !is_near(translation) {
+            let reason = format!("expected -{FARTHEST_M} to {FARTHEST_M}, found {:?}", text.translate_m);
+            return self.fail(place("translate_m"), reason);
+        }
+        let turn = turn(text.rotate_deg);
         let world_from_object = Affine3A::from_scale_rotation_translation(Vec3::splat(scale), turn, translation);
         let material = match &text.material {
             None => None,
@@ -262,21 +356,29 @@ impl Check<'_> {
                     let known: Vec<&str> = materials.keys().copied().collect();
                     let near =
                         nearest(wanted, &known).map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
-                    return self.fail(place("material"), format!("there is no material \"{wanted}\"{near}"));
+                    return self
+                        .fail(place("material"), format!("expected one of the scene, found \"{wanted}\"{near}"));
                 }
             },
         };
         let needed = |material: Option<Material>| match material {
             Some(material) => Ok(Surface::from(material)),
-            None => self.fail(place("material"), "is lacking: only models bring their own"),
+            None => self.fail(place("material"), "expected a name, found none: only models bring their own"),
+        };
+        let far = |found: Vec3| -> Result<(), SceneError> {
+            let reason = format!("expected nothing beyond {FARTHEST_M} m along an axis, found a point at {found}");
+            self.fail(format!("object \"{name}\""), reason)
         };
         let mut add = |mesh: Mesh, surface: Surface| -> Result<(), SceneError> {
             let mesh = placed(mesh, world_from_object, turn);
-            if mesh.positions.iter().any(|corner| !(corner.abs().max_element() <= FARTHEST_M)) {
-                return self.fail(place("translate_m"), format!("reaches beyond {FARTHEST_M} m"));
+            if let Some(found) = mesh.positions.iter().find(|corner| !is_near(**corner)) {
+                return far(*found);
             }
             solids.push(Solid::Mesh(Part { name: name.clone(), mesh, surface }));
             Ok(())
+        };
+        let lengths = |key: &str, lengths: &[f32]| -> Result<(), SceneError> {
+            lengths.iter().try_for_each(|length| self.within(place(key), *length, SMALLEST_M, FARTHEST_M).map(drop))
         };
         match (&text.model, &text.sphere, &text.plane, &text.cuboid, &text.lathe) {
             (Some(model), None, None, None, None) => {
@@ -284,44 +386,87 @@ impl Check<'_> {
                     None => None,
                     Some("y") => Some(Up::Y),
                     Some("z") => Some(Up::Z),
-                    Some(other) => return self.fail(place("up"), format!("must be \"y\" or \"z\", found \"{other}\"")),
+                    Some(other) => {
+                        return self.fail(place("model.up"), format!("expected \"y\" or \"z\", found \"{other}\""));
+                    }
                 };
-                for part in read_model(&self.beside(&model.file), up)?.parts {
-                    let surface = material.clone().map_or(part.surface, Surface::from);
-                    add(part.mesh, surface)?;
+                let (parts, triangles) = named.model(&self.beside(&model.file), up)?;
+                if triangles > MAX_TRIANGLES {
+                    return self.fail(
+                        place("model"),
+                        format!("expected at most {MAX_TRIANGLES} triangles of all models, counted as often as they stand in the scene, found more"),
+                    );
+                }
+                for part in parts {
+                    let surface = material.clone().map_or_else(|| part.surface.clone(), Surface::from);
+                    add(part.mesh.clone(), surface)?;
                 }
                 Ok(())
             }
             (None, Some(sphere), None, None, None) => {
-                let radius = self.within(place("radius_m"), sphere.radius_m, 1e-6, FARTHEST_M)? * scale;
+                lengths("sphere.radius_m", &[sphere.radius_m])?;
+                let radius = scale * sphere.radius_m;
+                self.within(place("sphere.radius_m times scale"), radius, SMALLEST_M, FARTHEST_M)?;
+                let corner = translation + radius * translation.signum();
+                if !is_near(corner) {
+                    return far(corner);
+                }
                 solids.push(Solid::Ball { centre: translation, radius, surface: needed(material)? });
                 Ok(())
             }
             (None, None, Some(plane), None, None) => {
-                let size = Vec2::from_array(plane.size_m);
-                self.within(place("size_m"), size.min_element(), 1e-6, FARTHEST_M)?;
-                add(solids::rectangle(size), needed(material)?)
+                lengths("plane.size_m", &plane.size_m)?;
+                add(solids::rectangle(Vec2::from_array(plane.size_m)), needed(material)?)
             }
             (None, None, None, Some(cuboid), None) => {
-                let size = Vec3::from_array(cuboid.size_m);
-                self.within(place("size_m"), size.min_element(), 1e-6, FARTHEST_M)?;
-                add(solids::cuboid(size), needed(material)?)
+                lengths("box.size_m", &cuboid.size_m)?;
+                add(solids::cuboid(Vec3::from_array(cuboid.size_m)), needed(material)?)
             }
-            (None, None, None, None, Some(lathe)) => add(self.lathe(place("profile_m"), lathe)?, needed(material)?),
-            _ => self.fail(format!("object \"{name}\""), "expected one of model, sphere, plane, box and lathe"),
+            (None, None, None, None, Some(lathe)) => {
+                let surface = needed(material)?;
+                add(self.lathe(place("lathe"), lathe)?, surface)
+            }
+            (model, sphere, plane, cuboid, lathe) => {
+                let given = [
+                    ("model", model.is_some()),
+                    ("sphere", sphere.is_some()),
+                    ("plane", plane.is_some()),
+                    ("box", cuboid.is_some()),
+                    ("lathe", lathe.is_some()),
+                ];
+                self.one_of(format!("object \"{name}\""), &given)
+            }
         }
     }
 
     fn lathe(&self, place: String, text: &LatheText) -> Result<Mesh, SceneError> {
-        let sound = text.profile_m.iter().all(|[r, z]| (0.0..=FARTHEST_M).contains(r) && z.abs() <= FARTHEST_M);
-        if !sound || !(2..=10_000).contains(&text.profile_m.len()) {
-            return self.fail(place, "expected 2 to 10000 points [radius, height], no radius below 0");
+        let points = text.profile_m.len();
+        if !(2..=10_000).contains(&points) {
+            return self.fail(place, format!("expected 2 to 10000 points of the profile, found {points}"));
+        }
+        let unsound = |point: &&[f32; 2]| !(0.0..=FARTHEST_M).contains(&point[0]) || !is_near(Vec3::Z * point[1]);
+        if let Some(point) = text.profile_m.iter().find(unsound) {
+            let reason =
+                format!("expected [radius, height], a radius from 0, both at most {FARTHEST_M} m, found {point:?}");
+            return self.fail(place, reason);
         }
         if !(3..=4096).contains(&text.segments) {
-            return self.fail(place, format!("segments must be 3 to 4096, found {}", text.segments));
+            return self.fail(place, format!("expected 3 to 4096 segments, found {}", text.segments));
         }
-        Ok(Lathe { profile: &text.profile_m, smooth: text.smooth, segments: text.segments }.turn())
+        let mesh = Lathe { profile: &text.profile_m, smooth: text.smooth, segments: text.segments }.turn();
+        if mesh.triangles.is_empty() {
+            return self.fail(place, "expected a profile that turns a surface, found none off the axis");
+        }
+        Ok(mesh)
     }
+}
+
+/// The most triangles that a lathe makes.
+fn most_triangles(text: &LatheText) -> usize {
+    // The steps of a smooth profile between two of its points.
+    let steps = if text.smooth { 5 } else { 1 };
+    let rings = text.profile_m.len().saturating_sub(1).saturating_mul(steps);
+    rings.saturating_mul(text.segments).saturating_mul(2)
 }
 
 fn placed(mut mesh: Mesh, world_from_object: Affine3A, turn: Quat) -> Mesh {
@@ -333,4 +478,33 @@ fn placed(mut mesh: Mesh, world_from_object: Affine3A, turn: Quat) -> Mesh {
         *normal = turn * *normal;
     }
     mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_lathe_makes_more_triangles_than_are_counted_before() {
+        for smooth in [false, true] {
+            let profile_m = vec![[0.1, 0.0], [0.2, 0.1], [0.2, 0.1], [0.1, 0.3], [0.05, 0.4]];
+            let text = LatheText { profile_m, smooth, segments: 7 };
+            let made = Lathe { profile: &text.profile_m, smooth, segments: 7 }.turn().triangles.len();
+            // The point given twice has no side of its own.
+            let side = if smooth { 5 } else { 1 } * 7 * 2;
+            assert_eq!(made + side, most_triangles(&text));
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_not_near() {
+        for at in 0..3 {
+            for value in [f32::NAN, f32::INFINITY, 1000.1, -1000.1] {
+                let mut point = Vec3::ZERO;
+                point[at] = value;
+                assert!(!is_near(point), "{point}");
+            }
+        }
+        assert!(is_near(Vec3::new(1000.0, -1000.0, 0.0)));
+    }
 }

@@ -15,6 +15,7 @@ mod lighting;
 mod material;
 mod mesh;
 mod models;
+mod packet;
 mod path;
 mod render;
 mod scene;

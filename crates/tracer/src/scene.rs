@@ -2,11 +2,14 @@
 
 use glam::{Vec2, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 
 use crate::bsdf::Bsdf;
+use crate::packet::Shadows;
 use crate::shape::{PreparedRay, Shape, ShapeHit};
 use crate::{Camera, Material, Mesh, NormalMap, Part, Surface};
 
@@ -19,6 +22,8 @@ pub struct Scene {
     bvh: Option<CwBvh>,
     /// In the order of the hierarchy's leaves.
     shapes: Vec<(Shape, Origin)>,
+    /// The same shapes again, for rays in packets.
+    packets: Option<(Bvh2, Vec<Shape>)>,
     largest: f32,
 }
 
@@ -87,18 +92,21 @@ impl Scene {
             let bsdf = Bsdf::new(&surface.material);
             surfaces.push(Ready { material: surface.material, bsdf, normal_map: surface.normal_map });
         }
-        let mut bvh = None;
+        let (mut bvh, mut packets) = (None, None);
         let mut largest = 0.0f32;
         if !shapes.is_empty() {
             let bare: Vec<Shape> = shapes.iter().map(|(shape, _)| *shape).collect();
             // Spatial splits would list a triangle twice, and leaves could not be put in order.
             let parameters = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
             let built = build_cwbvh(&bare, parameters, &mut std::time::Duration::default());
+            let pairs = build_bvh2(&bare, parameters, &mut std::time::Duration::default());
+            let in_order = pairs.primitive_indices.iter().map(|index| bare[*index as usize]).collect();
+            packets = Some((pairs, in_order));
             shapes = built.primitive_indices.iter().map(|index| shapes[*index as usize]).collect();
             largest = built.total_aabb.min.abs().max(built.total_aabb.max.abs()).max_element();
             bvh = Some(built);
         }
-        Self { camera, picture, surfaces, parts, bvh, shapes, largest }
+        Self { camera, picture, surfaces, parts, bvh, shapes, packets, largest }
     }
 
     /// The camera.
@@ -168,6 +176,11 @@ impl Scene {
         bvh.ray_traverse_miss(ray, |_, index| {
             self.shapes[index].0.meet(&prepared, distance).map_or(f32::INFINITY, |hit| hit.distance)
         })
+    }
+
+    /// What packets of shadow rays ask; `None` in an empty scene.
+    pub(crate) fn shadows(&self) -> Option<Shadows<'_>> {
+        self.packets.as_ref().map(|(bvh, shapes)| Shadows { bvh, shapes })
     }
 
     fn place(&self, index: usize, hit: ShapeHit, origin: Vec3, direction: Vec3) -> Place {

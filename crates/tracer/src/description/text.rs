@@ -1,8 +1,11 @@
 //! The words of `scene.toml`, as they stand there; their meaning is given in the parent module.
 
+use std::fmt;
 use std::path::PathBuf;
 
-use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,11 +45,34 @@ pub(super) struct MaterialText {
 }
 
 /// A colour, or what varies over the surface.
-#[derive(Deserialize)]
-#[serde(untagged)]
 pub(super) enum ColourText {
     Constant([f32; 3]),
     Varying(VaryingText),
+}
+
+/// By hand, so that a mistake inside is named: serde's untagged enums only say that nothing fits.
+impl<'de> Deserialize<'de> for ColourText {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Words;
+
+        impl<'de> Visitor<'de> for Words {
+            type Value = ColourText;
+
+            fn expecting(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+                formatter.write_str("a colour [red, green, blue], { checkerboard, fields } or { picture }")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, numbers: A) -> Result<ColourText, A::Error> {
+                Deserialize::deserialize(SeqAccessDeserializer::new(numbers)).map(ColourText::Constant)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, keys: A) -> Result<ColourText, A::Error> {
+                Deserialize::deserialize(MapAccessDeserializer::new(keys)).map(ColourText::Varying)
+            }
+        }
+
+        deserializer.deserialize_any(Words)
+    }
 }
 
 #[derive(Deserialize)]
