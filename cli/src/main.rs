@@ -4,6 +4,7 @@
 
 mod capture;
 mod compare;
+mod demo;
 mod develop;
 mod failure;
 mod import;
@@ -48,6 +49,7 @@ Example:
 
 #[derive(Subcommand)]
 enum Verb {
+    Demo(demo::Arguments),
     Plan(plan::Arguments),
     Capture(capture::Arguments),
     Develop(develop::Arguments),
@@ -66,6 +68,7 @@ fn main() -> ExitCode {
     }
     let talk = progress::Talk::new(command.quiet);
     let done = match command.verb {
+        Verb::Demo(arguments) => demo::run(&arguments, &talk),
         Verb::Plan(arguments) => plan::run(&arguments, &talk),
         Verb::Capture(arguments) => capture::run(&arguments, &talk),
         Verb::Develop(arguments) => develop::run(&arguments, &talk),

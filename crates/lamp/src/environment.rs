@@ -1,5 +1,6 @@
 //! Light from far away: the same at every point, from the upper hemisphere.
 
+use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
@@ -57,7 +58,18 @@ impl Environment {
     /// Splits the light in two: what a smooth sky of at most `ceiling` (luminance) would shine, and the highlights above it.
     /// The two add up to the whole. Highlights are few and small, so they are drawn; the rest is integrated.
     pub fn split(&self, ceiling: f64) -> (impl Fn(DVec3) -> DVec3 + '_, Option<Highlights<'_>>) {
-        (move |towards_sky| under(self.radiance(towards_sky), ceiling), Highlights::new(self, ceiling))
+        let highlights = Highlights::new(Cow::Borrowed(self), ceiling);
+        (move |towards_sky| under(self.radiance(towards_sky), ceiling), highlights)
+    }
+
+    /// All of the light as highlights: its directions are drawn by their brightness. `Err` with the light itself if there is
+    /// no map to draw from.
+    pub fn into_highlights(self) -> Result<Highlights<'static>, Self> {
+        // Everything outshines a ceiling of zero.
+        match self.sky {
+            Sky::LatLong(_) => Highlights::new(Cow::Owned(self.clone()), 0.0).ok_or(self),
+            Sky::Constant(_) => Err(self),
+        }
     }
 
     /// Mean luminance of the upper hemisphere.
@@ -96,7 +108,7 @@ impl Environment {
 
 /// The parts of an environment map that outshine a ceiling, to be drawn as suns.
 pub struct Highlights<'a> {
-    environment: &'a Environment,
+    environment: Cow<'a, Environment>,
     size: (usize, usize),
     ceiling: f64,
     /// Running sum of the pixels' shares, over the rows above the horizon.
@@ -104,7 +116,7 @@ pub struct Highlights<'a> {
 }
 
 impl<'a> Highlights<'a> {
-    fn new(environment: &'a Environment, ceiling: f64) -> Option<Self> {
+    fn new(environment: Cow<'a, Environment>, ceiling: f64) -> Option<Self> {
         let Sky::LatLong(map) = &environment.sky else { return None };
         let (width, height) = map.size();
         let excess = |x: usize, y: usize| {
@@ -125,7 +137,7 @@ impl<'a> Highlights<'a> {
                 cumulative.push(sum);
             }
         }
-        (sum > 0.0).then_some(Self { environment, size: (width, height), ceiling, cumulative })
+        (sum > 0.0).then(|| Self { size: (width, height), ceiling, cumulative, environment })
     }
 
     /// One direction of the highlights and its share of their irradiance, for two uniform numbers in [0, 1).
@@ -153,6 +165,11 @@ impl<'a> Highlights<'a> {
 }
 
 impl Highlights<'_> {
+    /// The light that they are part of.
+    pub fn environment(&self) -> &Environment {
+        &self.environment
+    }
+
     /// The density, by solid angle, with which [`Highlights::arrival`] draws the unit vector `towards_sky`, sr⁻¹.
     pub fn density(&self, towards_sky: DVec3) -> f64 {
         let (width, height) = self.size;
@@ -246,7 +263,7 @@ mod tests {
         let mut map = Image::<Radiance>::from_pixels(16, 9, vec![[0.5; 3]; 144]);
         map.pixels_mut()[3 * 16 + 7] = [90.0, 60.0, 30.0];
         let sky = Environment::lat_long(map).turned(0.3, 2.0);
-        let whole = sky.split(0.0).1.unwrap();
+        let whole = sky.clone().into_highlights().unwrap();
         for i in 0..50 {
             for j in 0..50 {
                 let arrival = whole.arrival([(f64::from(i) + 0.5) / 50.0, (f64::from(j) + 0.5) / 50.0]);

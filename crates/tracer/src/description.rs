@@ -11,7 +11,7 @@ use relumine_radiometry::files::{FileError, MAX_PIXELS};
 use relumine_radiometry::{DescriptionError, nearest, parse_toml, read_text};
 
 use named::Named;
-use text::{CameraText, ColourText, ConductorText, LatheText, MaterialText, ObjectText, Text, VaryingText};
+use text::{CameraText, ColourText, ConductorText, LatheText, MaterialText, ModelText, ObjectText, Text, VaryingText};
 
 use crate::scene::Solid;
 use crate::solids::{self, Lathe};
@@ -107,6 +107,7 @@ impl Scene {
                 return check.fail(format!("material \"{}\"", material.name), "the name is given twice");
             }
         }
+        check.models(&text, &mut named)?;
         let mut solids = Vec::new();
         for (index, object) in text.object.iter().enumerate() {
             check.object(index, object, &materials, &mut named, &mut solids)?;
@@ -173,9 +174,9 @@ impl Check<'_> {
             return self.fail("camera: width, height", format!("expected 1 to {MAX_PIXELS} pixels, found {found}"));
         }
         for (key, vector) in [("position", text.position), ("target", text.target), ("up", text.up)] {
-            let length = DVec3::from_array(vector).length();
+            let length = DVec3::from_array(*vector).length();
             if !length.is_finite() || length > f64::from(FARTHEST_M) {
-                let reason = format!("expected at most {FARTHEST_M} m from the origin, found {vector:?}");
+                let reason = format!("expected at most {FARTHEST_M} m from the origin, found {:?}", *vector);
                 return self.fail(format!("camera: {key}"), reason);
             }
         }
@@ -183,13 +184,13 @@ impl Check<'_> {
         if !(fov > 0.0 && fov < 180.0) {
             return self.fail("camera: horizontal_fov_deg", format!("expected above 0 and below 180, found {fov}"));
         }
-        let [position, target, up] = [text.position, text.target, text.up].map(DVec3::from_array);
+        let [position, target, up] = [text.position, text.target, text.up].map(|vector| DVec3::from_array(*vector));
         if (target - position).try_normalize().is_none() {
-            return self.fail("camera: target", format!("expected apart from the position, found {:?}", text.target));
+            return self.fail("camera: target", format!("expected apart from the position, found {:?}", *text.target));
         }
         match Camera::new(position, target, up, fov.to_radians()) {
             Some(camera) => Ok(camera),
-            None => self.fail("camera: up", format!("expected not along the view, found {:?}", text.up)),
+            None => self.fail("camera: up", format!("expected not along the view, found {:?}", *text.up)),
         }
     }
 
@@ -211,6 +212,32 @@ impl Check<'_> {
             );
         }
         Ok(())
+    }
+
+    /// Reads all models and counts their triangles, each as often as it stands in the scene, before copies are made.
+    fn models(&self, text: &Text, named: &mut Named) -> Result<(), SceneError> {
+        let mut triangles = 0usize;
+        for (index, object) in text.object.iter().enumerate() {
+            let Some(model) = &object.model else { continue };
+            let place = |key: &str| format!("object \"{}\": {key}", named_or_numbered(object, index));
+            let parts = named.model(self.beside(&model.file), self.up(place("model.up"), model)?)?;
+            triangles = parts.iter().map(|part| part.mesh.triangles.len()).fold(triangles, usize::saturating_add);
+            if triangles > MAX_TRIANGLES {
+                let reason =
+                    format!("expected at most {MAX_TRIANGLES} triangles of it and the models before, found more");
+                return self.fail(place("model"), reason);
+            }
+        }
+        Ok(())
+    }
+
+    fn up(&self, place: String, text: &ModelText) -> Result<Option<Up>, SceneError> {
+        match text.up.as_deref() {
+            None => Ok(None),
+            Some("y") => Ok(Some(Up::Y)),
+            Some("z") => Ok(Some(Up::Z)),
+            Some(other) => self.fail(place, format!("expected \"y\" or \"z\", found \"{other}\"")),
+        }
     }
 
     fn material(&self, text: &MaterialText, named: &mut Named) -> Result<Material, SceneError> {
@@ -235,7 +262,7 @@ impl Check<'_> {
                 Ok(Material::Glass {
                     index: self.within(place("glass.index"), glass.index, least, 4.0)?,
                     alpha,
-                    tint: self.colour(place("glass.tint"), glass.tint)?,
+                    tint: self.colour(place("glass.tint"), *glass.tint)?,
                 })
             }
             (diffuse, conductor, plastic, glass) => {
@@ -269,11 +296,11 @@ impl Check<'_> {
             },
             (None, Some(eta), Some(k)) => {
                 if eta.iter().all(|eta| *eta > 0.0 && *eta <= 100.0) && k.iter().all(|k| (0.0..=100.0).contains(k)) {
-                    Ok((Vec3::from_array(eta), Vec3::from_array(k)))
+                    Ok((Vec3::from_array(*eta), Vec3::from_array(*k)))
                 } else {
                     self.fail(
                         place,
-                        format!("expected eta above 0 and k from 0, both at most 100, found {eta:?} and {k:?}"),
+                        format!("expected eta above 0 and k from 0, both at most 100, found {:?} and {:?}", *eta, *k),
                     )
                 }
             }
@@ -296,9 +323,10 @@ impl Check<'_> {
 
     fn texture(&self, place: String, text: &ColourText, named: &mut Named) -> Result<Texture, SceneError> {
         match text {
-            ColourText::Constant(colour) => Ok(Texture::Constant(self.colour(place, *colour)?)),
-            ColourText::Varying(VaryingText { checkerboard: Some([even, odd]), fields, picture: None }) => {
-                let fields = fields.unwrap_or([8.0; 2]);
+            ColourText::Constant(colour) => Ok(Texture::Constant(self.colour(place, **colour)?)),
+            ColourText::Varying(VaryingText { checkerboard: Some(colours), fields, picture: None }) => {
+                let fields = fields.map_or([8.0; 2], |fields| *fields);
+                let [even, odd] = **colours;
                 if !fields.iter().all(|count| *count > 0.0 && *count <= 1e4) {
                     return self.fail(place, format!("expected fields above 0 and at most 10000, found {fields:?}"));
                 }
@@ -332,21 +360,18 @@ impl Check<'_> {
         named: &mut Named,
         solids: &mut Vec<Solid>,
     ) -> Result<(), SceneError> {
-        let name: String = match &text.name {
-            Some(name) => name.chars().take(NAME_LETTERS).collect(),
-            None => index.to_string(),
-        };
+        let name = named_or_numbered(text, index);
         let place = |key: &str| format!("object \"{name}\": {key}");
         let scale = self.within(place("scale"), text.scale, 1e-6, 1e6)?;
         if !text.rotate_deg.iter().all(|angle| angle.is_finite()) {
-            return self.fail(place("rotate_deg"), format!("expected three angles, found {:?}", text.rotate_deg));
+            return self.fail(place("rotate_deg"), format!("expected three angles, found {:?}", *text.rotate_deg));
         }
-        let translation = Vec3::from_array(text.translate_m);
+        let translation = Vec3::from_array(*text.translate_m);
         if !is_near(translation) {
-            let reason = format!("expected -{FARTHEST_M} to {FARTHEST_M}, found {:?}", text.translate_m);
+            let reason = format!("expected -{FARTHEST_M} to {FARTHEST_M}, found {:?}", *text.translate_m);
             return self.fail(place("translate_m"), reason);
         }
-        let turn = turn(text.rotate_deg);
+        let turn = turn(*text.rotate_deg);
         let world_from_object = Affine3A::from_scale_rotation_translation(Vec3::splat(scale), turn, translation);
         let material = match &text.material {
             None => None,
@@ -382,22 +407,7 @@ impl Check<'_> {
         };
         match (&text.model, &text.sphere, &text.plane, &text.cuboid, &text.lathe) {
             (Some(model), None, None, None, None) => {
-                let up = match model.up.as_deref() {
-                    None => None,
-                    Some("y") => Some(Up::Y),
-                    Some("z") => Some(Up::Z),
-                    Some(other) => {
-                        return self.fail(place("model.up"), format!("expected \"y\" or \"z\", found \"{other}\""));
-                    }
-                };
-                let (parts, triangles) = named.model(&self.beside(&model.file), up)?;
-                if triangles > MAX_TRIANGLES {
-                    return self.fail(
-                        place("model"),
-                        format!("expected at most {MAX_TRIANGLES} triangles of all models, counted as often as they stand in the scene, found more"),
-                    );
-                }
-                for part in parts {
+                for part in named.model(self.beside(&model.file), self.up(place("model.up"), model)?)? {
                     let surface = material.clone().map_or_else(|| part.surface.clone(), Surface::from);
                     add(part.mesh.clone(), surface)?;
                 }
@@ -415,12 +425,12 @@ impl Check<'_> {
                 Ok(())
             }
             (None, None, Some(plane), None, None) => {
-                lengths("plane.size_m", &plane.size_m)?;
-                add(solids::rectangle(Vec2::from_array(plane.size_m)), needed(material)?)
+                lengths("plane.size_m", &*plane.size_m)?;
+                add(solids::rectangle(Vec2::from_array(*plane.size_m)), needed(material)?)
             }
             (None, None, None, Some(cuboid), None) => {
-                lengths("box.size_m", &cuboid.size_m)?;
-                add(solids::cuboid(Vec3::from_array(cuboid.size_m)), needed(material)?)
+                lengths("box.size_m", &*cuboid.size_m)?;
+                add(solids::cuboid(Vec3::from_array(*cuboid.size_m)), needed(material)?)
             }
             (None, None, None, None, Some(lathe)) => {
                 let surface = needed(material)?;
@@ -444,8 +454,9 @@ impl Check<'_> {
         if !(2..=10_000).contains(&points) {
             return self.fail(place, format!("expected 2 to 10000 points of the profile, found {points}"));
         }
+        let profile: Vec<[f32; 2]> = text.profile_m.iter().map(|point| **point).collect();
         let unsound = |point: &&[f32; 2]| !(0.0..=FARTHEST_M).contains(&point[0]) || !is_near(Vec3::Z * point[1]);
-        if let Some(point) = text.profile_m.iter().find(unsound) {
+        if let Some(point) = profile.iter().find(unsound) {
             let reason =
                 format!("expected [radius, height], a radius from 0, both at most {FARTHEST_M} m, found {point:?}");
             return self.fail(place, reason);
@@ -453,11 +464,19 @@ impl Check<'_> {
         if !(3..=4096).contains(&text.segments) {
             return self.fail(place, format!("expected 3 to 4096 segments, found {}", text.segments));
         }
-        let mesh = Lathe { profile: &text.profile_m, smooth: text.smooth, segments: text.segments }.turn();
+        let mesh = Lathe { profile: &profile, smooth: text.smooth, segments: text.segments }.turn();
         if mesh.triangles.is_empty() {
             return self.fail(place, "expected a profile that turns a surface, found none off the axis");
         }
         Ok(mesh)
+    }
+}
+
+/// What messages call an object.
+fn named_or_numbered(text: &ObjectText, index: usize) -> String {
+    match &text.name {
+        Some(name) => name.chars().take(NAME_LETTERS).collect(),
+        None => index.to_string(),
     }
 }
 
@@ -478,33 +497,4 @@ fn placed(mut mesh: Mesh, world_from_object: Affine3A, turn: Quat) -> Mesh {
         *normal = turn * *normal;
     }
     mesh
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_lathe_makes_more_triangles_than_are_counted_before() {
-        for smooth in [false, true] {
-            let profile_m = vec![[0.1, 0.0], [0.2, 0.1], [0.2, 0.1], [0.1, 0.3], [0.05, 0.4]];
-            let text = LatheText { profile_m, smooth, segments: 7 };
-            let made = Lathe { profile: &text.profile_m, smooth, segments: 7 }.turn().triangles.len();
-            // The point given twice has no side of its own.
-            let side = if smooth { 5 } else { 1 } * 7 * 2;
-            assert_eq!(made + side, most_triangles(&text));
-        }
-    }
-
-    #[test]
-    fn what_is_not_a_number_is_not_near() {
-        for at in 0..3 {
-            for value in [f32::NAN, f32::INFINITY, 1000.1, -1000.1] {
-                let mut point = Vec3::ZERO;
-                point[at] = value;
-                assert!(!is_near(point), "{point}");
-            }
-        }
-        assert!(is_near(Vec3::new(1000.0, -1000.0, 0.0)));
-    }
 }

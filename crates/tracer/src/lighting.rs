@@ -8,44 +8,55 @@ use crate::path::{Leg, Random, Vertex, Visitor};
 use crate::scene::Scene;
 
 /// What lights a scene.
-pub(crate) struct Lighting<'a> {
+pub(crate) struct Lighting {
     lamps: Vec<Lamp>,
-    sky: Option<Sky<'a>>,
+    sky: Option<Sky>,
     /// Whether the camera sees lamps and sky themselves.
     seen: bool,
 }
 
-struct Sky<'a> {
-    environment: &'a Environment,
-    /// Draws directions by brightness; `None` for a constant sky, drawn evenly.
-    map: Option<Highlights<'a>>,
+enum Sky {
+    /// A map, whose directions are drawn by brightness.
+    Map(Highlights<'static>),
+    /// The same from everywhere, drawn evenly.
+    Even(Environment),
 }
 
-impl<'a> Lighting<'a> {
-    pub(crate) fn new(lamps: Vec<Lamp>, environment: Option<&'a Environment>, seen: bool) -> Self {
-        // Everything above a ceiling of zero is a highlight: the whole map.
-        let sky = environment.map(|environment| Sky { environment, map: environment.split(0.0).1 });
+impl Lighting {
+    pub(crate) fn new(lamps: Vec<Lamp>, environment: Option<Environment>, seen: bool) -> Self {
+        let sky = environment.map(|environment| match environment.into_highlights() {
+            Ok(map) => Sky::Map(map),
+            Err(even) => Sky::Even(even),
+        });
         Self { lamps, sky, seen }
     }
 }
 
-impl Sky<'_> {
+impl Sky {
+    /// The radiance that comes from the unit vector `towards`.
+    fn radiance(&self, towards: DVec3) -> DVec3 {
+        match self {
+            Self::Map(map) => map.environment().radiance(towards),
+            Self::Even(environment) => environment.radiance(towards),
+        }
+    }
+
     fn arrival(&self, xi: [f64; 2]) -> Option<Arrival> {
-        if let Some(map) = &self.map {
+        if let Self::Map(map) = self {
             return map.arrival(xi);
         }
         let (z, radius) = (xi[0], (1.0 - xi[0] * xi[0]).sqrt());
         let (sine, cosine) = (std::f64::consts::TAU * xi[1]).sin_cos();
         let towards = DVec3::new(radius * cosine, radius * sine, z);
-        let irradiance = self.environment.radiance(towards) * std::f64::consts::TAU;
+        let irradiance = self.radiance(towards) * std::f64::consts::TAU;
         Some(Arrival { direction: -towards, irradiance, distance_m: f64::INFINITY })
     }
 
     fn density(&self, towards: DVec3) -> f64 {
-        match &self.map {
-            Some(map) => map.density(towards),
-            None if towards.z >= 0.0 => std::f64::consts::TAU.recip(),
-            None => 0.0,
+        match self {
+            Self::Map(map) => map.density(towards),
+            Self::Even(_) if towards.z >= 0.0 => std::f64::consts::TAU.recip(),
+            Self::Even(_) => 0.0,
         }
     }
 }
@@ -53,14 +64,14 @@ impl Sky<'_> {
 /// Adds up the radiance that one path brings to the camera.
 pub(crate) struct Gather<'a> {
     scene: &'a Scene,
-    lighting: &'a Lighting<'a>,
+    lighting: &'a Lighting,
     pub(crate) radiance: Vec3,
     /// Whether the camera's own ray met something.
     pub(crate) met: bool,
 }
 
 impl<'a> Gather<'a> {
-    pub(crate) fn new(scene: &'a Scene, lighting: &'a Lighting<'a>) -> Self {
+    pub(crate) fn new(scene: &'a Scene, lighting: &'a Lighting) -> Self {
         Self { scene, lighting, radiance: Vec3::ZERO, met: false }
     }
 
@@ -114,7 +125,7 @@ impl Visitor for Gather<'_> {
             }
         }
         if let Some(sky) = self.lighting.sky.as_ref().filter(|_| leg.distance.is_infinite()) {
-            let radiance = sky.environment.radiance(-direction);
+            let radiance = sky.radiance(-direction);
             self.radiance += leg.throughput * (radiance * chance(sky.density(-direction))).as_vec3();
         }
     }
@@ -128,6 +139,7 @@ impl Visitor for Gather<'_> {
         for lamp in &lighting.lamps {
             let xi = [random.independent(), random.independent()];
             let Some(arrival) = lamp.arrival(point, xi) else { continue };
+            // Lamps without extent have none, nor has a direction that rounding has put past a lamp's rim: no leg finds either.
             let density = lamp.sight(point, arrival.direction).map(|sight| sight.density);
             self.connect(vertex, arrival, density);
         }

@@ -85,7 +85,7 @@ pub(crate) struct Leg {
     pub(crate) distance: f32,
     /// What light that comes along it is multiplied with on its way to the camera.
     pub(crate) throughput: Vec3,
-    /// The density of its direction; `None` after a mirror or smooth glass, and for what the camera sees itself.
+    /// The density of its direction; `None` after smooth glass, and for what the camera sees itself.
     pub(crate) density: Option<f32>,
     /// Whether it starts at the camera.
     pub(crate) from_camera: bool,
@@ -219,6 +219,9 @@ pub(crate) fn walk(
             return;
         }
         let mut throughput = leg.throughput * scattered.weight;
+        if throughput == Vec3::ZERO {
+            return;
+        }
         if depth + 1 >= SURE {
             let survival = throughput.max_element().min(0.95);
             if survival <= 0.0 || random.next() >= survival {

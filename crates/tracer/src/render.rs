@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
-use relumine_lamp::{Lamp, Light};
+use relumine_lamp::Light;
 use relumine_radiometry::{Image, Radiance};
 
 use crate::Scene;
@@ -33,11 +33,8 @@ pub struct Rendered {
 /// it. [`Rendering::finish`] gives the picture, black where it was not reached.
 pub struct Rendering<'a> {
     scene: &'a Scene,
-    light: &'a Light,
-    lamps: Vec<Lamp>,
-    environment: Option<relumine_lamp::Environment>,
+    lighting: Lighting,
     options: PathOptions,
-    lamps_seen: bool,
     next_row: usize,
     rendered: Rendered,
 }
@@ -51,24 +48,18 @@ impl<'a> Rendering<'a> {
     ///
     /// # Errors
     /// If the light has a mosaic.
-    pub fn new(
-        scene: &'a Scene,
-        light: &'a Light,
-        options: PathOptions,
-        lamps_seen: bool,
-    ) -> Result<Self, RenderError> {
+    pub fn new(scene: &'a Scene, light: &Light, options: PathOptions, lamps_seen: bool) -> Result<Self, RenderError> {
         if light.mosaic.is_some() {
             return Err(RenderError::Mosaic);
         }
         let (width, height) = scene.picture_size();
         let placement = &light.placement;
+        let lamps = light.lamps.iter().map(|lamp| placement.object_from_world_lamp(lamp)).collect();
+        let environment = light.environment.as_ref().map(|sky| sky.clone().turned(-placement.rotation, 1.0));
         Ok(Self {
             scene,
-            light,
-            lamps: light.lamps.iter().map(|lamp| placement.object_from_world_lamp(lamp)).collect(),
-            environment: light.environment.as_ref().map(|sky| sky.clone().turned(-placement.rotation, 1.0)),
+            lighting: Lighting::new(lamps, environment, lamps_seen),
             options,
-            lamps_seen,
             next_row: 0,
             rendered: Rendered {
                 picture: Image::black(width, height),
@@ -81,11 +72,6 @@ impl<'a> Rendering<'a> {
     /// Number of steps in all.
     pub fn steps(&self) -> usize {
         self.scene.picture_size().1.div_ceil(ROWS)
-    }
-
-    /// The light it is rendered under.
-    pub fn light(&self) -> &Light {
-        self.light
     }
 
     /// The picture as far as it has come.
@@ -109,11 +95,10 @@ impl Iterator for Rendering<'_> {
             return None;
         }
         let rows = self.next_row..(self.next_row + ROWS).min(height);
-        let lighting = Lighting::new(self.lamps.clone(), self.environment.as_ref(), self.lamps_seen);
-        let (scene, options) = (self.scene, &self.options);
+        let (scene, lighting, options) = (self.scene, &self.lighting, &self.options);
         let pixels: Vec<Pixel> = (rows.start * width..rows.end * width)
             .into_par_iter()
-            .map(|pixel| render_pixel(scene, &lighting, options, (pixel % width, pixel / width)))
+            .map(|pixel| render_pixel(scene, lighting, options, (pixel % width, pixel / width)))
             .collect();
         for (pixel, rendered) in (rows.start * width..).zip(pixels) {
             self.rendered.picture.pixels_mut()[pixel] = rendered.mean.as_vec3().to_array();

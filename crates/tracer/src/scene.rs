@@ -8,7 +8,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, Coats};
 use crate::packet::Shadows;
 use crate::shape::{PreparedRay, Shape, ShapeHit};
 use crate::{Camera, Material, Mesh, NormalMap, Part, Surface};
@@ -73,6 +73,7 @@ impl Scene {
     /// Makes solids ready to be rendered as `picture` = (width, height) pixels by `camera`.
     pub(crate) fn new(camera: Camera, picture: (usize, usize), solids: Vec<Solid>) -> Self {
         let (mut surfaces, mut parts, mut shapes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut coats = Coats::new();
         for solid in solids {
             let part = parts.len() as u32;
             let (surface, mesh) = match solid {
@@ -89,7 +90,7 @@ impl Scene {
                 }
             };
             parts.push(Body { surface: surfaces.len() as u32, mesh });
-            let bsdf = Bsdf::new(&surface.material);
+            let bsdf = Bsdf::new(&surface.material, &mut coats);
             surfaces.push(Ready { material: surface.material, bsdf, normal_map: surface.normal_map });
         }
         let (mut bvh, mut packets) = (None, None);
@@ -196,7 +197,7 @@ impl Scene {
         };
         match (shape, &body.mesh) {
             (Shape::Ball { centre, radius }, _) => {
-                let normal = (origin + hit.distance * direction - centre).normalize();
+                let normal = (origin + hit.distance * direction - centre).normalize_or(-direction);
                 // Longitude and latitude, as a globe is printed.
                 let u = normal.y.atan2(normal.x) / std::f32::consts::TAU + 0.5;
                 let v = normal.z.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
@@ -236,10 +237,12 @@ fn bumped(map: &NormalMap, uv: Vec2, corners: [Vec3; 3], uvs: [Vec2; 3], normal:
     let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
     let (d1, d2) = (uvs[1] - uvs[0], uvs[2] - uvs[0]);
     let turning = d1.perp_dot(d2);
+    // Where u and v grow on the surface: their own derivatives, so that neither winding nor mirroring matters.
     let along_u = (e1 * d2.y - e2 * d1.y) * turning.signum();
+    let along_v = (e2 * d1.x - e1 * d2.x) * turning.signum();
     let Some(tangent) = along_u.reject_from_normalized(normal).try_normalize() else { return normal };
-    // Mirrored texture coordinates turn the other way round.
-    let bitangent = -normal.cross(tangent) * -turning.signum();
+    let across = normal.cross(tangent);
+    let bitangent = if along_v.dot(across) > 0.0 { -across } else { across };
     let stored = map.texture.at(uv) * 2.0 - 1.0;
     let local = Vec3::new(stored.x * map.scale, stored.y * map.scale, stored.z.max(1e-3));
     (local.x * tangent + local.y * bitangent + local.z * normal).normalize_or(normal)
@@ -251,4 +254,32 @@ pub(crate) fn across(z: Vec3) -> (Vec3, Vec3) {
     let a = -1.0 / (sign + z.z);
     let b = z.x * z.y * a;
     (Vec3::new(1.0 + sign * z.x * z.x * a, sign * b, -sign * z.x), Vec3::new(b, sign + z.y * z.y * a, -z.y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Texture;
+
+    #[test]
+    fn a_relief_leans_along_u_and_against_v_whatever_the_winding_and_mirroring() {
+        let square = [Vec3::ZERO, Vec3::X, Vec3::new(0.0, 1.0, 0.0)];
+        // v points downward: u grows along x, v against y. The second is mirrored in u.
+        for (uvs, along_u) in [
+            ([Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(0.0, 0.0)], Vec3::X),
+            ([Vec2::new(1.0, 1.0), Vec2::new(0.0, 1.0), Vec2::new(1.0, 0.0)], -Vec3::X),
+        ] {
+            for turned in [false, true] {
+                let order = |three: [usize; 3]| if turned { [three[0], three[2], three[1]] } else { three };
+                let (corners, uvs) = (order([0, 1, 2]).map(|i| square[i]), order([0, 1, 2]).map(|i| uvs[i]));
+                let lean = |x: f32, y: f32| {
+                    let stored = 0.5 * Vec3::new(x, y, 0.8) + 0.5;
+                    let map = NormalMap { texture: Texture::Constant(stored), scale: 1.0 };
+                    bumped(&map, Vec2::ZERO, corners, uvs, Vec3::Z)
+                };
+                assert!((lean(0.6, 0.0) - (0.6 * along_u + 0.8 * Vec3::Z)).length() < 1e-5, "{}", lean(0.6, 0.0));
+                assert!((lean(0.0, 0.6) - Vec3::new(0.0, 0.6, 0.8)).length() < 1e-5, "{}", lean(0.0, 0.6));
+            }
+        }
+    }
 }

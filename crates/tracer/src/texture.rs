@@ -67,11 +67,17 @@ impl TexturePicture {
     fn at(&self, uv: Vec2) -> Vec3 {
         let (width, height) = self.picture.size();
         let size = Vec2::new(width as f32, height as f32);
-        let place = self.picture_from_mesh.transform_point2(uv) * size - 0.5;
+        // A whole number of pictures away everything looks the same (mirrored, of two): far coordinates keep their digits.
+        let uv = self.picture_from_mesh.transform_point2(uv);
+        let near = |value: f32, wrap: Wrap| match wrap {
+            Wrap::Repeat | Wrap::Mirror => value.rem_euclid(2.0),
+            Wrap::Clamp => value.clamp(-1.0, 2.0),
+        };
+        let place = Vec2::new(near(uv.x, self.wrap[0]), near(uv.y, self.wrap[1])) * size - 0.5;
         let corner = place.floor();
         let share = place - corner;
-        let column = |step: i64| self.wrap[0].index((corner.x as i64).saturating_add(step), width);
-        let row = |step: i64| self.wrap[1].index((corner.y as i64).saturating_add(step), height);
+        let column = |step: i64| self.wrap[0].index(corner.x as i64 + step, width);
+        let row = |step: i64| self.wrap[1].index(corner.y as i64 + step, height);
         let at = |x: usize, y: usize| Vec3::from_array(self.picture.pixel(x, y));
         let (left, right, top, bottom) = (column(0), column(1), row(0), row(1));
         let above = at(left, top).lerp(at(right, top), share.x);

@@ -156,7 +156,7 @@ impl Visitor for Collect<'_> {
     fn leg(&mut self, _: &Leg) {}
 
     fn vertex(&mut self, vertex: &Vertex, _: &mut Random) {
-        // Mirrors and smooth glass show a point-like lantern nowhere.
+        // Smooth glass shows a point-like lantern nowhere.
         if !self.scene.bsdf(vertex.surface).is_specular() {
             self.line.vertices.push(*vertex);
         }
@@ -201,7 +201,7 @@ impl Paths {
 
     /// The most bytes that the paths of `pixels` pixels take.
     pub fn most_bytes(pixels: usize, options: &PathOptions) -> usize {
-        pixels * options.samples * options.bounces * size_of::<Vertex>()
+        pixels.saturating_mul(options.samples).saturating_mul(options.bounces).saturating_mul(size_of::<Vertex>())
     }
 
     /// Vertices in all: each costs one connection a lantern.

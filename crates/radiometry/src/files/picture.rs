@@ -1,7 +1,7 @@
 //! Reading: which format the content is, what it held, and whether every sample is a number.
 
-use std::fs::File;
-use std::io::Read;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::path::Path;
 
 use super::{FileError, exr_read, jpeg, raster, rgbe};
@@ -62,6 +62,10 @@ impl Picture {
 /// See [`FileError`]; a missing or unreadable file is [`FileError::Read`], bad content one of the others.
 pub fn read_picture(path: &Path) -> Result<Picture, FileError> {
     let failed = |source| FileError::Read { path: path.to_path_buf(), source };
+    // Looked at before it is opened: opening a pipe would wait for its writer.
+    if !fs::metadata(path).map_err(failed)?.is_file() {
+        return Err(failed(io::Error::other("not a regular file")));
+    }
     let mut file = File::open(path).map_err(failed)?;
 
     // The first bytes decide: a film or a disk image is refused without being loaded.

@@ -21,8 +21,8 @@ impl Ggx {
     pub(super) fn density(self, m: Vec3) -> f32 {
         let cos2 = m.z * m.z;
         let a2 = self.alpha * self.alpha;
-        // 1 − cos²(1 − α²), with the small terms kept apart.
-        let t = (1.0 - cos2).max(0.0) + cos2 * a2;
+        // sin² + α²cos²: near the normal 1 − cos² would have lost its digits.
+        let t = m.truncate().length_squared() + cos2 * a2;
         a2 / (std::f32::consts::PI * t * t)
     }
 
@@ -45,7 +45,7 @@ impl Ggx {
     pub(super) fn sample(self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         // Stretched so that the facets are a hemisphere, of which `wo` sees a half disk and a half ellipse.
         let stretched = Vec3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();
-        let across = if stretched.truncate().length_squared() > 0.0 {
+        let across = if stretched.truncate().length_squared() > 1e-12 {
             Vec3::new(-stretched.y, stretched.x, 0.0).normalize()
         } else {
             Vec3::X

@@ -10,7 +10,9 @@ mod ggx;
 mod glass;
 mod layered;
 
+use std::collections::HashMap;
 use std::f32::consts::{FRAC_1_PI, TAU};
+use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
@@ -24,10 +26,16 @@ use glass::Glass;
 pub(crate) enum Bsdf {
     Diffuse,
     Conductor { eta: Vec3, k: Vec3, facets: Ggx },
-    Plastic(Coat),
+    Plastic(Arc<Coat>),
     Glass(Glass),
     MetallicRoughness { index: f32, transmission: f32, solid: bool },
 }
+
+/// The coats of plastics by index and width.
+pub(crate) type Coats = HashMap<[u32; 2], Arc<Coat>>;
+
+/// The least index of refraction of a solid that lets light through.
+const LEAST_BENDING: f32 = 1.01;
 
 /// What varies over the surface.
 #[derive(Clone, Copy, Debug)]
@@ -52,14 +60,20 @@ pub(crate) struct Scattered {
 }
 
 impl Bsdf {
-    pub(crate) fn new(material: &Material) -> Self {
+    /// Makes a material ready; `coats` keeps those that are tabulated already.
+    pub(crate) fn new(material: &Material, coats: &mut Coats) -> Self {
         match material {
             Material::Diffuse { .. } => Self::Diffuse,
             Material::Conductor { eta, k, alpha } => Self::Conductor { eta: *eta, k: *k, facets: Ggx::new(*alpha) },
-            Material::Plastic { index, alpha, .. } => Self::Plastic(Coat::new(*index, *alpha)),
+            Material::Plastic { index, alpha, .. } => {
+                let coat = coats.entry([index.to_bits(), alpha.to_bits()]);
+                Self::Plastic(coat.or_insert_with(|| Arc::new(Coat::new(*index, *alpha))).clone())
+            }
             Material::Glass { index, alpha, .. } => Self::Glass(Glass::new(*index, *alpha)),
             Material::MetallicRoughness { index, transmission, solid, .. } => {
-                Self::MetallicRoughness { index: *index, transmission: *transmission, solid: *solid }
+                // Where nothing is bent a rough surface would have no facet that sends light on.
+                let index = if *solid && *transmission > 0.0 { index.max(LEAST_BENDING) } else { *index };
+                Self::MetallicRoughness { index, transmission: *transmission, solid: *solid }
             }
         }
     }
@@ -171,7 +185,7 @@ fn coat_share(coat: &Coat, at: &Varying, wo: Vec3) -> f32 {
     let coated = 1.0 - coat.passing(wo.z);
     let body = (1.0 - coated) * at.colour.max_element();
     // Never left out: seen straight on a coat reflects little, but little of much.
-    (coated / (coated + body)).clamp(0.1, 1.0)
+    if coated + body > 0.0 { (coated / (coated + body)).clamp(0.1, 1.0) } else { 1.0 }
 }
 
 /// The facet that reflects `wi` to `wo`, and D·G/(4 cosθₒ): with Fresnel, f·cosθᵢ.

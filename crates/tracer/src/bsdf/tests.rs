@@ -51,7 +51,7 @@ fn sides(bsdf: &Bsdf, material: &Material) -> Vec<Varying> {
 fn samples_and_densities_give_the_same_albedo() {
     let mut rng = Pcg64::seed_from_u64(1);
     for (name, material) in materials() {
-        let bsdf = Bsdf::new(&material);
+        let bsdf = Bsdf::new(&material, &mut Coats::new());
         if bsdf.is_specular() {
             continue;
         }
@@ -87,7 +87,7 @@ fn samples_and_densities_give_the_same_albedo() {
 fn nothing_shines_more_than_it_gets() {
     let mut rng = Pcg64::seed_from_u64(2);
     for (name, material) in materials() {
-        let bsdf = Bsdf::new(&material);
+        let bsdf = Bsdf::new(&material, &mut Coats::new());
         let at = Bsdf::varying(&material, Vec2::ZERO, true);
         for wo in directions() {
             let n = 50_000;
@@ -121,14 +121,14 @@ fn light_goes_both_ways_alike() {
     // f(wo, wi) = f(wi, wo); through an interface f(wo, wi)/η²ₒ = f(wi, wo)/η²ᵢ.
     let (a, b) = (Vec3::new(0.5, 0.1, 0.8).normalize(), Vec3::new(-0.3, 0.4, 0.6).normalize());
     for (name, material) in materials() {
-        let bsdf = Bsdf::new(&material);
+        let bsdf = Bsdf::new(&material, &mut Coats::new());
         let at = Bsdf::varying(&material, Vec2::ZERO, true);
         let there = bsdf.value(&at, a, b) / b.z;
         let back = bsdf.value(&at, b, a) / a.z;
         assert!((there - back).abs().max_element() <= 1e-4 * there.max_element(), "{name}: {there} and {back}");
     }
     let glass = Material::Glass { index: 1.5, alpha: 0.4, tint: Vec3::ONE };
-    let bsdf = Bsdf::new(&glass);
+    let bsdf = Bsdf::new(&glass, &mut Coats::new());
     let wo = Vec3::new(0.4, 0.0, 0.9).normalize();
     let below = Vec3::new(-0.2, 0.1, -0.95).normalize();
     // Seen from inside, z points the other way.

@@ -14,8 +14,8 @@ use crate::{Model, ModelError, Part, Up, read_model};
 pub(super) struct Named {
     pictures: HashMap<PathBuf, Arc<Image<Linear>>>,
     pixels: usize,
-    models: Vec<(PathBuf, Option<Up>, Model)>,
-    triangles: usize,
+    /// By file, and whether z was said to point up.
+    models: HashMap<(PathBuf, Option<bool>), Model>,
 }
 
 impl Named {
@@ -41,19 +41,13 @@ impl Named {
         self.pixels
     }
 
-    /// The parts of a model, and the triangles of all models so far, each counted as often as it was asked for.
-    pub(super) fn model(&mut self, path: &Path, up: Option<Up>) -> Result<(&[Part], usize), ModelError> {
-        let known = self.models.iter().position(|(known, its_up, _)| known == path && *its_up == up);
-        let index = match known {
-            Some(index) => index,
-            None => {
-                self.models.push((path.to_path_buf(), up, read_model(path, up)?));
-                self.models.len() - 1
-            }
-        };
-        let parts = &self.models[index].2.parts;
-        let triangles: usize = parts.iter().map(|part| part.mesh.triangles.len()).sum();
-        self.triangles = self.triangles.saturating_add(triangles);
-        Ok((parts, self.triangles))
+    /// The parts of a model.
+    pub(super) fn model(&mut self, path: PathBuf, up: Option<Up>) -> Result<&[Part], ModelError> {
+        let key = (path, up.map(|up| up == Up::Z));
+        if !self.models.contains_key(&key) {
+            let model = read_model(&key.0, up)?;
+            self.models.insert(key.clone(), model);
+        }
+        Ok(&self.models[&key].parts)
     }
 }

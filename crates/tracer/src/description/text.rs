@@ -1,11 +1,35 @@
 //! The words of `scene.toml`, as they stand there; their meaning is given in the parent module.
 
 use std::fmt;
+use std::ops::Deref;
 use std::path::PathBuf;
 
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+
+/// A list of `N`, and not one more: an array would take the first of a longer list and leave the rest.
+#[derive(Clone, Copy)]
+pub(super) struct Exactly<T, const N: usize>(pub(super) [T; N]);
+
+impl<T, const N: usize> Deref for Exactly<T, N> {
+    type Target = [T; N];
+
+    fn deref(&self) -> &[T; N] {
+        &self.0
+    }
+}
+
+impl<'de, T: Deserialize<'de>, const N: usize> Deserialize<'de> for Exactly<T, N> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let list = Vec::<T>::deserialize(deserializer)?;
+        let found = list.len();
+        list.try_into().map(Self).map_err(|_| D::Error::invalid_length(found, &format!("a list of {N}").as_str()))
+    }
+}
+
+type Three = Exactly<f32, 3>;
+type Two = Exactly<f32, 2>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -21,17 +45,17 @@ pub(super) struct Text {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraText {
-    pub(super) position: [f64; 3],
-    pub(super) target: [f64; 3],
+    pub(super) position: Exactly<f64, 3>,
+    pub(super) target: Exactly<f64, 3>,
     #[serde(default = "z")]
-    pub(super) up: [f64; 3],
+    pub(super) up: Exactly<f64, 3>,
     pub(super) horizontal_fov_deg: f64,
     pub(super) width: usize,
     pub(super) height: usize,
 }
 
-fn z() -> [f64; 3] {
-    [0.0, 0.0, 1.0]
+fn z() -> Exactly<f64, 3> {
+    Exactly([0.0, 0.0, 1.0])
 }
 
 #[derive(Deserialize)]
@@ -46,7 +70,7 @@ pub(super) struct MaterialText {
 
 /// A colour, or what varies over the surface.
 pub(super) enum ColourText {
-    Constant([f32; 3]),
+    Constant(Three),
     Varying(VaryingText),
 }
 
@@ -78,8 +102,8 @@ impl<'de> Deserialize<'de> for ColourText {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct VaryingText {
-    pub(super) checkerboard: Option<[[f32; 3]; 2]>,
-    pub(super) fields: Option<[f32; 2]>,
+    pub(super) checkerboard: Option<Exactly<Three, 2>>,
+    pub(super) fields: Option<Two>,
     pub(super) picture: Option<PathBuf>,
 }
 
@@ -93,8 +117,8 @@ pub(super) struct DiffuseText {
 #[serde(deny_unknown_fields)]
 pub(super) struct ConductorText {
     pub(super) metal: Option<String>,
-    pub(super) eta: Option<[f32; 3]>,
-    pub(super) k: Option<[f32; 3]>,
+    pub(super) eta: Option<Three>,
+    pub(super) k: Option<Three>,
     pub(super) alpha: f32,
 }
 
@@ -119,15 +143,15 @@ pub(super) struct GlassText {
     #[serde(default)]
     pub(super) alpha: f32,
     #[serde(default = "white")]
-    pub(super) tint: [f32; 3],
+    pub(super) tint: Three,
 }
 
 fn glass_index() -> f32 {
     1.5
 }
 
-fn white() -> [f32; 3] {
-    [1.0; 3]
+fn white() -> Three {
+    Exactly([1.0; 3])
 }
 
 #[derive(Deserialize)]
@@ -143,14 +167,18 @@ pub(super) struct ObjectText {
     pub(super) lathe: Option<LatheText>,
     #[serde(default = "one")]
     pub(super) scale: f32,
-    #[serde(default)]
-    pub(super) rotate_deg: [f32; 3],
-    #[serde(default)]
-    pub(super) translate_m: [f32; 3],
+    #[serde(default = "zero")]
+    pub(super) rotate_deg: Three,
+    #[serde(default = "zero")]
+    pub(super) translate_m: Three,
 }
 
 fn one() -> f32 {
     1.0
+}
+
+fn zero() -> Three {
+    Exactly([0.0; 3])
 }
 
 #[derive(Deserialize)]
@@ -169,19 +197,19 @@ pub(super) struct SphereText {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PlaneText {
-    pub(super) size_m: [f32; 2],
+    pub(super) size_m: Two,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BoxText {
-    pub(super) size_m: [f32; 3],
+    pub(super) size_m: Three,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct LatheText {
-    pub(super) profile_m: Vec<[f32; 2]>,
+    pub(super) profile_m: Vec<Two>,
     #[serde(default = "yes")]
     pub(super) smooth: bool,
     #[serde(default = "segments")]
