@@ -27,7 +27,7 @@ parser.add_argument("--grids", default="8x3,16x4,32x7", help="which of 8x3,16x4,
 parser.add_argument("--size", default="72x48", help="pixels of the photographs of the chess board")
 parser.add_argument("--samples", type=int, default=256, help="paths a pixel of the chess photographs")
 parser.add_argument("--truth-samples", type=int, default=16384, help="paths a pixel of the truth")
-parser.add_argument("--bowl-samples", type=int, default=1024, help="paths a pixel of the bowl's photographs")
+parser.add_argument("--bowl-samples", type=int, default=512, help="paths a pixel of the bowl's photographs")
 parser.add_argument("--no-bowl", action="store_true")
 parser.add_argument("--threads", type=int, default=2)
 parser.add_argument("--no-documents", action="store_true", help="print the tables only; docs/ and benches/runs/ stay as they are")
@@ -56,12 +56,12 @@ def relumine(*words):
     return done.stdout, done.stderr, {"wall_s": round(time.perf_counter() - started, 2), "cpu_s": round(cpu, 2)}
 
 
-def once(name, inputs, job):
-    """The result of `job` (JSON), from an earlier run if `inputs` are the same."""
+def once(name, inputs, job, made=None):
+    """The result of `job` (JSON), from an earlier run if `inputs` are the same and what it `made` is there."""
     note = work / f"{name}.json"
     note.parent.mkdir(parents=True, exist_ok=True)
     key = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
-    if note.exists() and (found := json.loads(note.read_text()))["key"] == key:
+    if note.exists() and (made is None or made.exists()) and (found := json.loads(note.read_text()))["key"] == key:
         return found["result"]
     print(f"{datetime.datetime.now():%H:%M:%S} {name}", file=sys.stderr, flush=True)
     result = job()
@@ -114,7 +114,7 @@ def read_hdr(path):
     return rgbe[..., :3] * numpy.where(rgbe[..., 3] > 0, numpy.exp2(rgbe[..., 3] - 136), 0)[..., None]
 
 
-def rig(scene, size, grid, scheme, samples, bounces, exposure_s):
+def rig(scene, size, grid, scheme, samples, bounces, exposure_s, noise):
     azimuths, tilts = grid.split("x")
     width, height = size.split("x")
     patterns = 'scheme = "combs"\nspacing = 3' if scheme == "combs" else 'scheme = "squares"'
@@ -156,16 +156,21 @@ seed = 0
 projector_black = 0.002
 
 [simulated.sensor]
-full_well_e = 60_000
-read_noise_e = 5
+full_well_e = {"60_000" if noise else "1e10"}
+read_noise_e = {5 if noise else 0}
 bits = 16
 """
 
 
-def truth(scene, light, size, samples, bounces):
-    """Renders a light directly, as work/truth/NAME.exr."""
+def described(scene):
+    """The text of a scene but for the size of its picture, which is given anyway."""
+    return re.sub(r"(?m)^(width|height) = .*\n", "", scene.read_text())
+
+
+def truth(scene, light, size, samples, bounces, extension="exr"):
+    """Renders a light directly, as work/truth/NAME.exr or .hdr."""
     name = f"{scene.stem if scene.stem != 'scene' else scene.parent.name}-{light.stem}"
-    out = work / f"truth/{name}.exr"
+    out = work / f"truth/{name}.{extension}"
     out.parent.mkdir(parents=True, exist_ok=True)
 
     def job():
@@ -174,41 +179,41 @@ def truth(scene, light, size, samples, bounces):
         return {"light": light.stem, "samples": samples, "standard_error_percent": float(re.search(r"error ([\d.]+) %", said)[1]),
                 "picture": str(out), "mask": str(out.with_suffix(".png")), **cost}
     map_bytes = (light.parent / "sky.hdr").read_bytes() if light.stem == "sky" else b""
-    texts = [scene.read_text(), light.read_text(), hashlib.sha256(map_bytes).hexdigest(), size, samples, bounces]
-    return once(f"truth/{name}", texts, job)
+    texts = [described(scene), light.read_text(), hashlib.sha256(map_bytes).hexdigest(), size, samples, bounces]
+    return once(f"truth/{name}", texts, job, out)
 
 
 def folder_bytes(path):
     return sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
 
 
-def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths, seeds=(0,)):
+def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths, seeds=(0,), noise=True):
     """Captures, develops and relights one grid in all ways. Rows of figures, and what the steps cost."""
     rows, costs = [], []
     place = work / name
     pictures = place / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
-    ways = list(FIELDS.items()) + [("no photographs, other paths", (None, None))] * (len(seeds) > 1)
+    ways = [way for way in FIELDS.items() if noise or way[1][0]] + [("no photographs, other paths", (None, None))] * (len(seeds) > 1)
     for column, (scheme, separation) in ways:
-        text = rig(scene, size, grid, scheme, samples, bounces, exposure_s)
+        text = rig(scene, size, grid, scheme, samples, bounces, exposure_s, noise)
         seed = seeds[-1] if column.endswith("other paths") else seeds[0]
         label = re.sub(r"\W+", "-", column)
         capture, field = place / f"{scheme}.capture", place / f"{label}.field"
 
         def photograph():
             shutil.rmtree(capture, ignore_errors=True)
-            described = place / f"{scheme}.toml"
-            described.write_text(text)
-            relumine("plan", described, capture)
+            rig_file = place / f"{scheme}.toml"
+            rig_file.write_text(text)
+            relumine("plan", rig_file, capture)
             _, said, cost = relumine("capture", capture)
             return {"step": "capture", "grid": name, "way": scheme, "photographs": int(said.split()[0]),
                     "bytes": folder_bytes(capture), **cost}
 
         def develop():
             if scheme is None:
-                described = place / "transfer.toml"
-                described.write_text(text)
-                _, said, cost = relumine("render", scene, "--transfer", described, "--samples", samples, "--bounces", bounces,
+                rig_file = place / "transfer.toml"
+                rig_file.write_text(text)
+                _, said, cost = relumine("render", scene, "--transfer", rig_file, "--samples", samples, "--bounces", bounces,
                                          "--seed", seed, "-o", field, "--force")
             else:
                 method = ["--separation", separation] if separation else []
@@ -219,11 +224,7 @@ def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths
         def all_steps():
             steps = []
             if scheme:
-                steps.append(once(f"{name}/{scheme}-capture", [text, binary, capture.exists()], photograph))
-                # The key says whether the capture was there before; what was just taken is there for the next.
-                (place / f"{scheme}-capture.json").write_text(json.dumps({
-                    "key": hashlib.sha256(json.dumps([text, binary, True], sort_keys=True).encode()).hexdigest(),
-                    "result": steps[0]}))
+                steps.append(once(f"{name}/{scheme}-capture", [text, described(scene), binary], photograph, capture))
             steps.append(develop())
             figures = []
             for between in ("box", "linear"):
@@ -234,7 +235,7 @@ def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths
                     if scene.stem == "bowl":
                         words += ["--light", light, "-o", outs[-1].with_suffix(".hdr")]
                 _, said, cost = relumine("relight", field, *words, "--between", between, "--force")
-                uncertain = dict(re.findall(r"(\S+)\.toml: .*standard error of the coefficients ([\d.]+) %", said))
+                uncertain = dict(re.findall(r"([^/\s]+)\.toml: .*standard error of the coefficients ([\d.]+) %", said))
                 steps.append({"step": "relight", "grid": name, "way": column, "between": between, "lights": len(words) // 4, **cost})
                 for light, out in zip(lights, outs):
                     found, _, _ = relumine("compare", out, truths[light.stem]["picture"], "--mask", truths[light.stem]["mask"], "--json")
@@ -246,7 +247,7 @@ def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths
             if not arguments.keep:
                 shutil.rmtree(field, ignore_errors=True)
             return {"steps": steps, "figures": figures}
-        done = once(f"{name}/{label}", [text, binary, seed, scene.read_text(), [light.read_text() for light in lights],
+        done = once(f"{name}/{label}", [text, binary, seed, described(scene), [light.read_text() for light in lights],
                                         [truths[light.stem]["samples"] for light in lights]], all_steps)
         rows += done["figures"]
         costs += [step for step in done["steps"] if step not in costs]
@@ -288,6 +289,12 @@ def chess_tables(rows, costs, truths, grids):
             for grid in grids:
                 cells = [cell(rows, grid, way, light, between) for way in FIELDS]
                 lines.append(f"| {name} | {said_grid(grid)} | " + " | ".join(cells) + " |")
+    photographed = [way for way, (scheme, _) in FIELDS.items() if scheme]
+    lines += ["", "Uniform sky again, `--between linear`, from photographs without noise of the camera:", "",
+              "| grid | " + " | ".join(photographed) + " |", "|---|" + "---|" * len(photographed)]
+    for grid in grids:
+        cells = [cell(rows, f"{grid}, no noise", way, "uniform", "linear") for way in photographed]
+        lines.append(f"| {said_grid(grid)} | " + " | ".join(cells) + " |")
     lines += ["", "What it costs:", "", "| grid | patterns | photographs | capture | develop | field |", "|---|---|---|---|---|---|"]
     for grid in grids:
         for scheme in ("squares", "combs"):
@@ -301,12 +308,14 @@ def chess_tables(rows, costs, truths, grids):
 
 
 def bowl_table(rows, truths):
-    lines = ["| light | between | " + " | ".join(FIELDS) + " | truth's standard error |", "|---|---|" + "---|" * (len(FIELDS) + 1)]
+    lines = ["| light | between | paths a pixel | " + " | ".join(FIELDS) + " | truth's standard error |",
+             "|---|---|---|" + "---|" * (len(FIELDS) + 1)]
     for light, name in (("uniform", "uniform sky"), ("bowl-spot", "one spot")):
-        for between in ("linear", "box"):
-            cells = [cell(rows, "bowl", way, light, between) for way in FIELDS]
+        for between, grid, samples in (("linear", "bowl", arguments.bowl_samples), ("box", "bowl", arguments.bowl_samples),
+                                       ("linear", "bowl, few paths", FEW)):
+            cells = [cell(rows, grid, way, light, between) for way in FIELDS]
             error = number(truths[light]["standard_error_percent"] / 100)
-            lines.append(f"| {name} | {between} | " + " | ".join(cells) + f" | {error} |")
+            lines.append(f"| {name} | {between} | {samples} | " + " | ".join(cells) + f" | {error} |")
     return "\n".join(lines)
 
 
@@ -320,7 +329,7 @@ def put(path, marker, text):
     path.write_text(f"{before}{begin}\n\n{text}\n\n{end}{rest.partition(end)[2]}")
 
 
-def bowl_figure(rows, truths, bounces):
+def bowl_figure(rows):
     try:
         from PIL import Image, ImageDraw, ImageFont
     except ImportError:
@@ -330,13 +339,7 @@ def bowl_figure(rows, truths, bounces):
     font = ImageFont.load_default(12)
     made = []
     for light, name in (("uniform", "uniform sky"), ("bowl-spot", "one spot")):
-        true_hdr = work / f"truth/bowl-{light}.hdr"
-        found = truths[light]
-        # `compare` wants the .exr; the figure is drawn from an .hdr of the same picture.
-        once(f"truth/bowl-{light}-hdr", [light, bounces, found["samples"], binary], lambda: relumine(
-            "render", home / "bowl.toml", "--light", home / f"{light}.toml", "--size", BOWL_SIZE, "--samples", found["samples"],
-            "--bounces", bounces, "-o", true_hdr, "--force")[2])
-        true = read_hdr(true_hdr)
+        true = read_hdr(work / f"truth/bowl-{light}.hdr")
         pictures = [read_hdr(work / f"bowl/pictures/{re.sub(chr(92) + 'W+', '-', way)}-{light}-linear.hdr") for way in ways]
         made.append((name, light, true, pictures))
     height, width = made[0][2].shape[:2]
@@ -352,7 +355,7 @@ def bowl_figure(rows, truths, bounces):
             shown = numpy.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
             sheet.paste(Image.fromarray((shown * 255 + 0.5).astype(numpy.uint8)).resize((w, h), Image.Resampling.BICUBIC), (x, y))
             if column:
-                row = next(r for r in rows if (r["way"], r["light"], r["between"]) == (ways[column - 1], light, "linear"))
+                row = next(r for r in rows if (r["grid"], r["way"], r["light"], r["between"]) == ("bowl", ways[column - 1], light, "linear"))
                 caption = f"{ways[column - 1]}: {row['ratio_of_means']:.3f} / {row['relative_l2']:.3f}"
                 # Signed, of the truth's mean: red too bright, blue too dark, white the same.
                 off = numpy.clip((picture - true).mean(-1) / true.mean() / SCALE, -1, 1)
@@ -375,7 +378,7 @@ def bowl_figure(rows, truths, bounces):
     print(f"docs/bowl.jpg {(root / 'docs/bowl.jpg').stat().st_size} bytes")
 
 
-BOWL_SIZE, BOWL_BOUNCES, SCALE = "96x64", 8, 0.4
+BOWL_SIZE, BOWL_BOUNCES, FEW, SCALE = "96x64", 8, 16, 0.4
 grids = arguments.grids.split(",")
 if unknown := [grid for grid in grids if grid not in SQUARES]:
     parser.error(f"--grids: {unknown[0]}: expected some of {', '.join(SQUARES)}")
@@ -395,6 +398,9 @@ for grid in grids:
     more_rows, more_costs = fields(grid, chess, arguments.size, grid, arguments.samples, 4, 0.5,
                                    [lights / f"{light}.toml" for light in NAMES], truths, seeds)
     rows, costs = rows + more_rows, costs + more_costs
+    more_rows, _ = fields(f"{grid}, no noise", chess, arguments.size, grid, arguments.samples, 4, 0.5, [lights / "uniform.toml"],
+                          truths, noise=False)
+    rows += more_rows
     print(f"\n{said_grid(grid)}")
     for light in NAMES:
         for between in ("linear", "box"):
@@ -403,15 +409,12 @@ for grid in grids:
 bowl_rows, bowl_truths = [], {}
 if not arguments.no_bowl:
     bowl = home / "bowl.toml"
-    SQUARES["bowl"] = 8
-    bowl_truths = {light: truth(bowl, lights / f"{light}.toml", BOWL_SIZE, arguments.truth_samples // 4, BOWL_BOUNCES)
+    bowl_truths = {light: truth(bowl, lights / f"{light}.toml", BOWL_SIZE, arguments.truth_samples // 4, BOWL_BOUNCES, "hdr")
                    for light in ("uniform", "bowl-spot")}
-    # The grid of the bowl is 8 × 3; its rows are named after the bowl.
-    real_rig = rig
-    rig = lambda scene, size, grid, *rest: real_rig(scene, size, "8x3", *rest)
-    bowl_rows, more_costs = fields("bowl", bowl, BOWL_SIZE, "bowl", arguments.bowl_samples, BOWL_BOUNCES, 0.3,
-                                   [lights / "uniform.toml", lights / "bowl-spot.toml"], bowl_truths)
-    costs += more_costs
+    for name, samples in (("bowl", arguments.bowl_samples), ("bowl, few paths", FEW)):
+        more_rows, more_costs = fields(name, bowl, BOWL_SIZE, "8x3", samples, BOWL_BOUNCES, 0.3,
+                                       [lights / "uniform.toml", lights / "bowl-spot.toml"], bowl_truths)
+        bowl_rows, costs = bowl_rows + more_rows, costs + more_costs
     print("\n" + bowl_table(bowl_rows, bowl_truths))
 
 tables = chess_tables(rows, costs, truths, grids)
@@ -422,8 +425,9 @@ if not arguments.no_documents:
     for found in [*truths.values(), *bowl_truths.values()]:
         found.pop("picture"), found.pop("mask")
     report = {"date": datetime.datetime.now().isoformat(timespec="seconds"), "machine": f"{cpu}, {os.cpu_count()} cores",
-              "load_average": os.getloadavg(), "commit": commit, "command": " ".join(["benches/end_to_end.py", *sys.argv[1:]]),
-              "options": {name: str(value) for name, value in vars(arguments).items() if name not in ("relumine", "work")},
+              "load_average": os.getloadavg(), "commit": commit, "binary_sha256": binary,
+              "command": "benches/end_to_end.py",
+              "options": {name: value for name, value in vars(arguments).items() if name not in ("relumine", "work")},
               "chess": {"truth": list(truths.values()), "figures": rows}, "bowl": {"truth": list(bowl_truths.values()), "figures": bowl_rows},
               "costs": costs}
     folder = root / "benches/runs"
@@ -434,6 +438,6 @@ if not arguments.no_documents:
     put(root / "docs/end-to-end.md", "tables", tables)
     if not arguments.no_bowl:
         put(root / "docs/end-to-end.md", "bowl", bowl_table(bowl_rows, bowl_truths))
-        bowl_figure(bowl_rows, bowl_truths, BOWL_BOUNCES)
+        bowl_figure(bowl_rows)
 if temporary and not arguments.keep:
     shutil.rmtree(work)

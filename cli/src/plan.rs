@@ -69,7 +69,8 @@ fn print(rig: &Rig, plan: &Plan, estimate: &Estimate, developing: u64) -> Result
             plan.len()
         ),
     )?;
-    line("hours", format!("{:.1}", estimate.hours))?;
+    let hours = estimate.hours.map_or_else(|| "none: a virtual rig".into(), |hours| format!("{hours:.1}"));
+    line("hours", hours)?;
     let each = estimate.reckoned_bits.map_or_else(
         || format!("{} a photograph", megabytes(estimate.bytes_per_photograph)),
         |bits| format!("{} a photograph, {bits} bits uncompressed", megabytes(estimate.bytes_per_photograph)),

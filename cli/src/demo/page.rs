@@ -92,9 +92,11 @@ fn spots(figures: &[Figures]) -> String {
 }
 
 fn mosaic() -> String {
-    let text = "<h2>The light on the cells (figure 9)</h2>\n<p>The light of the spots as the field sees it: a square for each \
-                place of the projector, azimuth to the right and tilt downward from the zenith, in it a pixel for each square \
-                of the pattern. The two spots are the two bright patches, each in the square of its own place; the faint sky is everywhere.</p>\n";
+    let text = "<h2>The light on the cells (figure 9)</h2>\n<p>A lamp near the board and a shaft of bluish light (\
+                <a href=\"moved-1.toml\">moved-1.toml</a>) as the field sees them: a square for each place of the projector, \
+                azimuth to the right and tilt downward from the zenith, in it a pixel for each square of the pattern. The \
+                lamp is seen from many places, in another square from each: that is what a light map cannot say. The shaft \
+                shines from one place and its neighbours.</p>\n";
     format!("{text}{}", figure("mosaic", "mosaic", "16 × 4 positions, 14 × 14 squares each"))
 }
 

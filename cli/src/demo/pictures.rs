@@ -41,7 +41,10 @@ pub(super) const FOLDER: &str = "pictures";
 /// All pictures show the same brightness the same.
 const STOPS: f32 = 0.8;
 
-/// Relights the field under every light, renders the scene under it, and writes the pictures; and the mosaic of the first.
+/// The light whose coefficients are shown: its lamp is seen from many places.
+const MOSAIC: &str = "moved-1";
+
+/// Relights the field under every light, renders the scene under it, and writes the pictures; and one mosaic.
 pub(super) fn make(directory: &Path, field: &Path, scene: Scene, talk: &Talk) -> Result<Vec<Figures>, Failure> {
     let folder = directory.join(FOLDER);
     fs::create_dir_all(&folder)
@@ -62,10 +65,12 @@ pub(super) fn make(directory: &Path, field: &Path, scene: Scene, talk: &Talk) ->
             let options = ProjectionOptions { light_map, ..ProjectionOptions::default() };
             coefficients.push(project(light, field.cells(), &options)?.coefficients);
         }
+        if shown.name == MOSAIC {
+            write_mosaic(&folder.join("mosaic.exr"), &coefficients[coefficients.len() - 1])?;
+        }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    write_mosaic(&folder.join("mosaic.exr"), &coefficients[0])?;
     let mut relighting = Relighting::new(&field, &coefficients)?;
     let bar = talk.bar("tiles", relighting.steps(), 0);
     for step in &mut relighting {

@@ -137,7 +137,7 @@ impl<'a> Highlights<'a> {
                 cumulative.push(sum);
             }
         }
-        (sum > 0.0).then(|| Self { size: (width, height), ceiling, cumulative, environment })
+        (sum > 0.0).then_some(Self { size: (width, height), ceiling, cumulative, environment })
     }
 
     /// One direction of the highlights and its share of their irradiance, for two uniform numbers in [0, 1).

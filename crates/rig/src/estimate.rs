@@ -6,13 +6,13 @@ use std::path::Path;
 
 use relumine_basis::Reach;
 
-use crate::{Plan, Rig};
+use crate::{Hands, Plan, Rig};
 
 /// What a plan costs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Duration of the capture, hours.
-    pub hours: f64,
+    /// Duration of the capture, hours; `None` on a virtual rig, which takes what its computer takes.
+    pub hours: Option<f64>,
     /// Bytes of one photograph.
     pub bytes_per_photograph: u64,
     /// Whether these were reckoned as an uncompressed picture of so many bits, for want of `bytes_per_photograph`.
@@ -33,7 +33,7 @@ impl Estimate {
         let uncompressed = (width * height * 3) as u64 * u64::from(bits / 8);
         let bytes_per_photograph = rig.bytes_per_photograph().unwrap_or(uncompressed);
         Self {
-            hours: plan.positions() as f64 * position_s / 3600.0,
+            hours: (rig.hands() == Hands::Manual).then(|| plan.positions() as f64 * position_s / 3600.0),
             bytes_per_photograph,
             reckoned_bits: rig.bytes_per_photograph().is_none().then_some(bits),
             bytes: bytes_per_photograph.saturating_mul(plan.len() as u64),
