@@ -348,7 +348,7 @@ def bowl_figure(rows):
     draw = ImageDraw.Draw(sheet)
     y = gap
     for name, light, true, pictures in made:
-        white = 0.8 / numpy.percentile(true, 99)
+        white = 0.6 / numpy.percentile(true, 99)
         for column, picture in enumerate([true, *pictures]):
             x = gap + column * (w + gap)
             shown = numpy.clip(picture * white, 0, 1)

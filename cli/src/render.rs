@@ -149,7 +149,7 @@ fn field(arguments: &Arguments, rig: &Path, options: PathOptions, talk: &Talk) -
     let mut field = SceneField::start(scene, setup.cells(), &arguments.output, options, &input, arguments.force)?;
     let bar = talk.bar("positions", field.steps(), 0);
     let started = std::time::Instant::now();
-    while let Some(step) = field.next() {
+    for step in &mut field {
         step?;
         bar.inc(1);
     }

@@ -4,8 +4,8 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
-use relumine_capture::ShownPattern;
 use relumine_radiometry::{Counts, ExposureSettings, Image, Radiance, Response, srgb_encode};
+use sha2::{Digest, Sha256};
 
 use super::SensorText;
 use super::world::Place;
@@ -63,22 +63,15 @@ impl Sensor {
     ) -> Image<Counts> {
         let (width, height) = radiance.size();
         let exposure = exposure.relative();
-        let (kind, a, b) = match place.pattern {
-            ShownPattern::Black => (0, 0, 0),
-            ShownPattern::White => (1, 0, 0),
-            ShownPattern::Row { v, k } => (2, v, k),
-            ShownPattern::Column { u, k } => (3, u, k),
-            ShownPattern::Square { u, v } => (4, u, v),
-        };
-        let numbers = [place.index, kind, a, b].map(|number| number as u64);
-        let start =
-            numbers.into_iter().chain([exposure.to_bits()]).fold(self.seed, |seed, number| mixed(seed ^ mixed(number)));
+        let Place { index, pattern } = place;
+        let named = Sha256::digest(format!("{} {index} {pattern} {:x}", self.seed, exposure.to_bits()));
+        let start = u64::from_le_bytes(std::array::from_fn(|byte| named[byte]));
         let rows: Vec<Vec<[u16; 3]>> = radiance
             .pixels()
             .par_chunks(width)
             .enumerate()
             .map(|(y, row)| {
-                let mut random = Pcg64Mcg::seed_from_u64(mixed(start ^ y as u64));
+                let mut random = Pcg64Mcg::seed_from_u64(start.wrapping_add(y as u64));
                 let mut count =
                     |channel: usize, value: f32| self.count(channel, f64::from(value) * exposure, &mut random);
                 row.iter().map(|pixel| std::array::from_fn(|channel| count(channel, pixel[channel]))).collect()
@@ -118,16 +111,10 @@ fn caught(expected: f64, random: &mut Pcg64Mcg) -> f64 {
     Poisson::new(expected).map_or(0.0, |poisson| poisson.sample(random))
 }
 
-/// SplitMix64 (Steele et al. 2014): neighbouring numbers become unrelated ones.
-fn mixed(mut x: u64) -> u64 {
-    x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
-}
-
 #[cfg(test)]
 mod tests {
+    use relumine_capture::ShownPattern;
+
     use super::*;
 
     fn sensor(full_well_e: f64, bits: u8, levels: (u16, u16)) -> Sensor {
