@@ -220,10 +220,14 @@ fn a_long_table_takes_no_longer_a_row() {
         let rows: String = (1..=count).map(|i| format!("0,black,{i},,,a.png,\n")).collect();
         format!("position,pattern,exposure_s,iso,f_number,file,sha256\n{rows}").into_bytes()
     };
+    // The best of a few: another process may take the core away at any moment.
     let seconds = |text: &[u8]| {
-        let start = std::time::Instant::now();
-        try_table(text);
-        start.elapsed().as_secs_f64()
+        let goes = (0..7).map(|_| {
+            let start = std::time::Instant::now();
+            try_table(text);
+            start.elapsed().as_secs_f64()
+        });
+        goes.fold(f64::INFINITY, f64::min)
     };
     let (few, many) = (rows(4_000), rows(32_000));
     let (few, many) = (seconds(&few), seconds(&many));
