@@ -27,10 +27,14 @@ pub(crate) struct Arguments {
     directory: PathBuf,
 }
 
-/// What lies in DIR before anything is photographed.
-const FILES: [(&str, &str); 7] = [
-    ("scene.toml", include_str!("../../examples/chess/scene.toml")),
+/// What is photographed, and how.
+const RIG: [(&str, &str); 2] = [
     ("rig.toml", include_str!("../../examples/chess/rig.toml")),
+    ("scene.toml", include_str!("../../examples/chess/scene.toml")),
+];
+
+/// What it is shown under.
+const LIGHTS: [(&str, &str); 5] = [
     ("spots.toml", include_str!("../../examples/chess/spots.toml")),
     ("shafts.toml", include_str!("../../examples/chess/shafts.toml")),
     ("moved-1.toml", include_str!("../../examples/chess/moved-1.toml")),
@@ -44,7 +48,7 @@ const FIELD: &str = "chess.field";
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let directory = &arguments.directory;
     let page = directory.join(page::NAME);
-    if page.is_file() && is_ours(directory) {
+    if page.is_file() && directory.join(FIELD).is_dir() {
         talk.say(format!("already there: open {}", page.display()));
         return Ok(());
     }
@@ -59,39 +63,30 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Whether every file of the demonstration is there as this version writes it.
-fn is_ours(directory: &Path) -> bool {
-    FILES.iter().all(|(name, text)| fs::read_to_string(directory.join(name)).is_ok_and(|found| found == *text))
-}
-
-/// Writes the descriptions; refuses a folder that holds anything else.
+/// Writes the descriptions that are not there yet; refuses a folder that holds anything else, such as a demonstration of
+/// another version.
 fn prepare(directory: &Path) -> Result<(), Failure> {
     let cannot = |path: &Path, error: std::io::Error| {
         Failure::failed(format!("cannot write {}: {error}", path.display())).with_hint("choose another folder")
     };
-    let empty = match fs::read_dir(directory) {
-        Ok(mut entries) => entries.next().is_none(),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => true,
-        Err(error) => return Err(cannot(directory, error)),
-    };
-    // scene.toml is written last: with it there, all others are.
-    if !empty && !is_ours(directory) && directory.join(FILES[0].0).exists() {
-        let message =
-            format!("{}: a demonstration of another version, or changed since, lies there", directory.display());
-        return Err(Failure::failed(message).with_hint("choose another folder, or remove it"));
-    }
-    let foreign = |name: &str| FILES.iter().all(|(ours, _)| *ours != name);
-    if !empty && !is_ours(directory) {
-        let names = fs::read_dir(directory).map_err(|error| cannot(directory, error))?;
-        if names.flatten().any(|entry| foreign(&entry.file_name().to_string_lossy())) {
-            let message = format!("{}: something else lies there", directory.display());
-            return Err(Failure::failed(message).with_hint("choose another folder"));
+    fs::create_dir_all(directory).map_err(|error| cannot(directory, error))?;
+    let begun =
+        RIG.iter().all(|(name, text)| fs::read_to_string(directory.join(name)).is_ok_and(|found| found == *text));
+    if !begun {
+        for entry in fs::read_dir(directory).map_err(|error| cannot(directory, error))?.flatten() {
+            let name = entry.file_name();
+            if LIGHTS.iter().chain(&RIG).all(|(ours, _)| *ours != name) {
+                let message = format!("{}: something else lies there: {}", directory.display(), name.to_string_lossy());
+                return Err(Failure::failed(message).with_hint("choose another folder, or remove it"));
+            }
         }
     }
-    fs::create_dir_all(directory).map_err(|error| cannot(directory, error))?;
-    for (name, text) in FILES.iter().rev() {
+    // Once begun, a light may have been changed since: it stays.
+    for (name, text) in LIGHTS.iter().chain(&RIG) {
         let path = directory.join(name);
-        fs::write(&path, text).map_err(|error| cannot(&path, error))?;
+        if !(begun && path.exists()) {
+            fs::write(&path, text).map_err(|error| cannot(&path, error))?;
+        }
     }
     Ok(())
 }

@@ -106,6 +106,9 @@ impl Error {
             Self::Scene(SceneError::Description(DescriptionError::Read { .. })) => {
                 Some("a scene is a scene.toml (FORMAT.md describes it), or a model: .gltf, .glb or .obj")
             }
+            Self::Light(LightError::Description(DescriptionError::Read { .. })) => {
+                Some("a light is a light.toml; FORMAT.md describes it")
+            }
             Self::Render(RenderError::Mosaic) => {
                 Some("render the scene's field (`relumine render … --transfer RIG.toml -o FIELD`), and relight that")
             }
