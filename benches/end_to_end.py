@@ -193,7 +193,8 @@ def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths
     place = work / name
     pictures = place / "pictures"
     pictures.mkdir(parents=True, exist_ok=True)
-    ways = [way for way in FIELDS.items() if noise or way[1][0]] + [("no photographs, other paths", (None, None))] * (len(seeds) > 1)
+    ways = [way for way in FIELDS.items() if noise or way[1][0]]
+    ways += [("no photographs, other paths", (None, None))] * (len(seeds) > 1)
     for column, (scheme, separation) in ways:
         text = rig(scene, size, grid, scheme, samples, bounces, exposure_s, noise)
         seed = seeds[-1] if column.endswith("other paths") else seeds[0]
@@ -236,14 +237,15 @@ def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths
                         words += ["--light", light, "-o", outs[-1].with_suffix(".hdr")]
                 _, said, cost = relumine("relight", field, *words, "--between", between, "--force")
                 uncertain = dict(re.findall(r"([^/\s]+)\.toml: .*standard error of the coefficients ([\d.]+) %", said))
-                steps.append({"step": "relight", "grid": name, "way": column, "between": between, "lights": len(words) // 4, **cost})
+                steps.append({"step": "relight", "grid": name, "way": column, "between": between, "lights": len(words) // 4,
+                              **cost})
                 for light, out in zip(lights, outs):
-                    found, _, _ = relumine("compare", out, truths[light.stem]["picture"], "--mask", truths[light.stem]["mask"], "--json")
-                    found = json.loads(found)
+                    true = truths[light.stem]
+                    found = json.loads(relumine("compare", out, true["picture"], "--mask", true["mask"], "--json")[0])
                     figures.append({"grid": name, "way": column, "light": light.stem, "between": between,
-                                    "relative_l2": round(found["relative_l2"], 5), "ratio_of_means": round(found["ratio_of_means"], 5),
-                                    "pixels": found["pixels"],
-                                    "coefficients_error_percent": float(uncertain[light.stem]) if light.stem in uncertain else None})
+                                    "relative_l2": round(found["relative_l2"], 5),
+                                    "ratio_of_means": round(found["ratio_of_means"], 5), "pixels": found["pixels"],
+                                    "coefficients_error_percent": json.loads(uncertain.get(light.stem, "null"))})
             if not arguments.keep:
                 shutil.rmtree(field, ignore_errors=True)
             return {"steps": steps, "figures": figures}
@@ -255,7 +257,8 @@ def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths
         for light in lights:
             a, b = (pictures / f"no-photographs{other}-{light.stem}-linear.exr" for other in ("", "-other-paths"))
             found = json.loads(relumine("compare", b, a, "--mask", truths[light.stem]["mask"], "--json")[0])
-            rows.append({"grid": name, "way": "noise of paths", "light": light.stem, "relative_l2": round(found["relative_l2"] / 2**0.5, 5)})
+            rows.append({"grid": name, "way": "noise of paths", "light": light.stem,
+                         "relative_l2": round(found["relative_l2"] / 2**0.5, 5)})
     if not arguments.keep:
         for capture in place.glob("*.capture"):
             shutil.rmtree(capture)
@@ -276,12 +279,13 @@ def said_grid(grid):
 
 
 def chess_tables(rows, costs, truths, grids):
-    lines = ["Truth, from `relumine render`:", "", "| light | paths a pixel | standard error, relative L2 | paths of the photographs |",
-             "|---|---|---|---|"]
+    lines = ["Truth, from `relumine render`, and what the paths of the photographs leave uncertain:", "",
+             "| light | paths a pixel | standard error, relative L2 | paths of the photographs |", "|---|---|---|---|"]
     floor = {row["light"]: row["relative_l2"] for row in rows if row["way"] == "noise of paths"}
     for light, name in NAMES.items():
         found = truths[light]
-        lines.append(f"| {name} | {found['samples']} | {number(found['standard_error_percent'] / 100)} | {number(floor[light])} |")
+        error = found["standard_error_percent"] / 100
+        lines.append(f"| {name} | {found['samples']} | {number(error)} | {number(floor[light])} |")
     for between in ("linear", "box"):
         lines += ["", f"`--between {between}`, ratio of means / relative L2:", "",
                   "| light | grid | " + " | ".join(FIELDS) + " |", "|---|---|" + "---|" * len(FIELDS)]
@@ -295,14 +299,15 @@ def chess_tables(rows, costs, truths, grids):
     for grid in grids:
         cells = [cell(rows, f"{grid}, no noise", way, "uniform", "linear") for way in photographed]
         lines.append(f"| {said_grid(grid)} | " + " | ".join(cells) + " |")
-    lines += ["", "What it costs:", "", "| grid | patterns | photographs | capture | develop | field |", "|---|---|---|---|---|---|"]
+    lines += ["", "What it costs, in seconds of one core:", "",
+              "| grid | patterns | photographs | capture | develop | field |", "|---|---|---|---|---|---|"]
     for grid in grids:
         for scheme in ("squares", "combs"):
             taken = next(c for c in costs if (c["step"], c["grid"], c["way"]) == ("capture", grid, scheme))
             developed = [c for c in costs if c["step"] == "develop" and c["grid"] == grid and c["way"].startswith(scheme)]
-            seconds = " / ".join(f"{c['wall_s']:.1f} s" for c in developed)
+            seconds = " / ".join(f"{c['cpu_s']:.1f} s" for c in developed)
             size = " / ".join(f"{c['bytes'] / 1e6:.0f} MB" for c in developed)
-            lines.append(f"| {said_grid(grid)} | {scheme} | {taken['photographs']:,} | {taken['wall_s']:.0f} s, "
+            lines.append(f"| {said_grid(grid)} | {scheme} | {taken['photographs']:,} | {taken['cpu_s']:.0f} s, "
                          f"{taken['bytes'] / 1e6:.0f} MB | {seconds} | {size} |")
     return "\n".join(lines)
 
@@ -355,13 +360,13 @@ def bowl_figure(rows):
             shown = numpy.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
             sheet.paste(Image.fromarray((shown * 255 + 0.5).astype(numpy.uint8)).resize((w, h), Image.Resampling.BICUBIC), (x, y))
             if column:
-                row = next(r for r in rows if (r["grid"], r["way"], r["light"], r["between"]) == ("bowl", ways[column - 1], light, "linear"))
-                caption = f"{ways[column - 1]}: {row['ratio_of_means']:.3f} / {row['relative_l2']:.3f}"
+                caption = f"{ways[column - 1]}: {cell(rows, 'bowl', ways[column - 1], light, 'linear')}"
                 # Signed, of the truth's mean: red too bright, blue too dark, white the same.
                 off = numpy.clip((picture - true).mean(-1) / true.mean() / SCALE, -1, 1)
                 colour = numpy.stack([1 - numpy.maximum(-off, 0), 1 - abs(off), 1 - numpy.maximum(off, 0)], -1)
                 below = y + h + line
-                sheet.paste(Image.fromarray((colour * 255 + 0.5).astype(numpy.uint8)).resize((w, h), Image.Resampling.NEAREST), (x, below))
+                coloured = Image.fromarray((colour * 255 + 0.5).astype(numpy.uint8))
+                sheet.paste(coloured.resize((w, h), Image.Resampling.NEAREST), (x, below))
                 draw.text((x, below + h + 1), f"{ways[column - 1]} - truth", "black", font)
             else:
                 caption = f"{name}: truth"
@@ -369,7 +374,9 @@ def bowl_figure(rows):
                 colour = numpy.stack([1 - numpy.maximum(-ramp, 0), 1 - abs(ramp), 1 - numpy.maximum(ramp, 0)], -1)
                 below = y + h + line
                 sheet.paste(Image.fromarray((colour * 255 + 0.5).astype(numpy.uint8)), (x + w - 24, below))
-                for at, text in ((0, f"+{100 * SCALE:.0f} % of the truth's mean"), (h // 2 - 8, "as bright as the truth"), (h - 16, f"-{100 * SCALE:.0f} %")):
+                marks = {0: f"+{100 * SCALE:.0f} % of the truth's mean", h // 2 - 8: "as bright as the truth",
+                         h - 16: f"-{100 * SCALE:.0f} %"}
+                for at, text in marks.items():
                     draw.text((x + w - 30 - draw.textlength(text, font), below + at), text, "black", font)
             draw.text((x, y + h + 1), caption, "black", font)
         y += 2 * (h + line) + gap
@@ -404,7 +411,8 @@ for grid in grids:
     print(f"\n{said_grid(grid)}")
     for light in NAMES:
         for between in ("linear", "box"):
-            print(f"  {NAMES[light]:<24} {between:<7}" + "".join(f"{way}: {cell(rows, grid, way, light, between)}   " for way in FIELDS), flush=True)
+            cells = "   ".join(f"{way}: {cell(rows, grid, way, light, between)}" for way in FIELDS)
+            print(f"  {NAMES[light]:<24} {between:<7} {cells}", flush=True)
 
 bowl_rows, bowl_truths = [], {}
 if not arguments.no_bowl:
@@ -421,14 +429,16 @@ tables = chess_tables(rows, costs, truths, grids)
 print("\n" + tables)
 if not arguments.no_documents:
     commit = subprocess.run(["git", "-C", root, "describe", "--always", "--dirty"], capture_output=True, text=True).stdout.strip()
-    cpu = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), platform.processor())
+    models = (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name"))
+    cpu = next(models, platform.processor())
     for found in [*truths.values(), *bowl_truths.values()]:
         found.pop("picture"), found.pop("mask")
     report = {"date": datetime.datetime.now().isoformat(timespec="seconds"), "machine": f"{cpu}, {os.cpu_count()} cores",
               "load_average": os.getloadavg(), "commit": commit, "binary_sha256": binary,
               "command": "benches/end_to_end.py",
               "options": {name: value for name, value in vars(arguments).items() if name not in ("relumine", "work")},
-              "chess": {"truth": list(truths.values()), "figures": rows}, "bowl": {"truth": list(bowl_truths.values()), "figures": bowl_rows},
+              "chess": {"truth": list(truths.values()), "figures": rows},
+              "bowl": {"truth": list(bowl_truths.values()), "figures": bowl_rows},
               "costs": costs}
     folder = root / "benches/runs"
     folder.mkdir(exist_ok=True)

@@ -43,7 +43,8 @@ struct Command {
 const AFTER_HELP: &str = "\
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the input is damaged or incomplete (what could be done is done).
 
-Example:
+Examples:
+  relumine demo                                        the whole job on a virtual rig, about a minute
   relumine develop chess -o chess.field
   relumine relight chess.field --light spots.toml -o spots.png";
 
