@@ -8,7 +8,7 @@ with combs, develops the combs twice, relights every field under the lights of b
 same for a white concave bowl, the failure case of combs. Writes a dated run file in benches/runs/, the tables of
 docs/end-to-end.md between their markers, and the figure docs/bowl.jpg.
 
-Needs a release build, numpy, and pillow for the figure. Work (captures, fields, pictures; up to 3 GB) lies in a temporary
+Needs a release build, numpy, and pillow for the figure. Work (captures, fields, pictures; up to 2 GB) lies in a temporary
 directory, or in DIR. What a DIR has from an earlier run is used again: truths whatever the binary (delete DIR/truth after a
 change of the tracer), all else if the binary is the same. Captures and fields are removed when they are done with, unless
 --keep.
@@ -29,6 +29,7 @@ parser.add_argument("--samples", type=int, default=256, help="paths a pixel of t
 parser.add_argument("--truth-samples", type=int, default=16384, help="paths a pixel of the truth")
 parser.add_argument("--bowl-samples", type=int, default=512, help="paths a pixel of the bowl's photographs")
 parser.add_argument("--no-bowl", action="store_true")
+parser.add_argument("--commit", help="what the binary was built from, if not from the tree as it is")
 parser.add_argument("--threads", type=int, default=2)
 parser.add_argument("--no-documents", action="store_true", help="print the tables only; docs/ and benches/runs/ stay as they are")
 arguments = parser.parse_args()
@@ -177,6 +178,7 @@ def truth(scene, light, size, samples, bounces, extension="exr"):
         _, said, cost = relumine("render", scene, "--light", light, "--size", size, "--samples", samples, "--bounces", bounces,
                                  "-o", out, "--mask", out.with_suffix(".png"), "--force")
         return {"light": light.stem, "samples": samples, "standard_error_percent": float(re.search(r"error ([\d.]+) %", said)[1]),
+                "binary_sha256": binary, "digest": hashlib.sha256(out.read_bytes()).hexdigest()[:16],
                 "picture": str(out), "mask": str(out.with_suffix(".png")), **cost}
     map_bytes = (light.parent / "sky.hdr").read_bytes() if light.stem == "sky" else b""
     texts = [described(scene), light.read_text(), hashlib.sha256(map_bytes).hexdigest(), size, samples, bounces]
@@ -250,7 +252,7 @@ def fields(name, scene, size, grid, samples, bounces, exposure_s, lights, truths
                 shutil.rmtree(field, ignore_errors=True)
             return {"steps": steps, "figures": figures}
         done = once(f"{name}/{label}", [text, binary, seed, described(scene), [light.read_text() for light in lights],
-                                        [truths[light.stem]["samples"] for light in lights]], all_steps)
+                                        [truths[light.stem]["digest"] for light in lights]], all_steps)
         rows += done["figures"]
         costs += [step for step in done["steps"] if step not in costs]
     if len(seeds) > 1:
@@ -428,7 +430,8 @@ if not arguments.no_bowl:
 tables = chess_tables(rows, costs, truths, grids)
 print("\n" + tables)
 if not arguments.no_documents:
-    commit = subprocess.run(["git", "-C", root, "describe", "--always", "--dirty"], capture_output=True, text=True).stdout.strip()
+    described_by_git = subprocess.run(["git", "-C", root, "describe", "--always", "--dirty"], capture_output=True, text=True)
+    commit = arguments.commit or described_by_git.stdout.strip()
     models = (line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name"))
     cpu = next(models, platform.processor())
     for found in [*truths.values(), *bowl_truths.values()]:
@@ -436,7 +439,7 @@ if not arguments.no_documents:
     report = {"date": datetime.datetime.now().isoformat(timespec="seconds"), "machine": f"{cpu}, {os.cpu_count()} cores",
               "load_average": os.getloadavg(), "commit": commit, "binary_sha256": binary,
               "command": "benches/end_to_end.py",
-              "options": {name: value for name, value in vars(arguments).items() if name not in ("relumine", "work")},
+              "options": {name: value for name, value in vars(arguments).items() if name not in ("relumine", "work", "commit", "keep")},
               "chess": {"truth": list(truths.values()), "figures": rows},
               "bowl": {"truth": list(bowl_truths.values()), "figures": bowl_rows},
               "costs": costs}
