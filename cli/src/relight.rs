@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use relumine::{ReflectanceField, Relighting, missing_share};
+use relumine::radiometry::{Image, Radiance};
+use relumine::{Coefficients, ReflectanceField, Relighting, missing_share};
 
 use crate::failure::Failure;
 use crate::output::{DisplayArguments, PictureFormat, refuse_existing, write_picture};
@@ -33,6 +34,22 @@ pub(crate) struct Arguments {
     force: bool,
 }
 
+/// The field under each light, with a bar.
+pub(crate) fn pictures(
+    field: &ReflectanceField,
+    lights: &[Coefficients],
+    talk: &Talk,
+) -> Result<Vec<Image<Radiance>>, Failure> {
+    let mut relighting = Relighting::new(field, lights)?;
+    let bar = talk.bar("tiles", relighting.steps(), 0);
+    for step in &mut relighting {
+        step?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(relighting.pictures())
+}
+
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let (lights, outputs) = (&arguments.lights, &arguments.outputs);
     if lights.len() != outputs.len() {
@@ -60,14 +77,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         }
         coefficients.push(projected.coefficients);
     }
-    let mut relighting = Relighting::new(&field, &coefficients)?;
-    let bar = talk.bar("tiles", relighting.steps(), 0);
-    for step in &mut relighting {
-        step?;
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    for (output, picture) in outputs.iter().zip(relighting.pictures()) {
+    for (output, picture) in outputs.iter().zip(pictures(&field, &coefficients, talk)?) {
         write_picture(output, &picture, &arguments.display)?;
     }
     if incomplete.is_empty() {

@@ -5,12 +5,11 @@ use std::path::Path;
 
 use relumine::radiometry::files::{self, ExrSample};
 use relumine::radiometry::{Difference, Display, Image, Radiance, difference};
-use relumine::{
-    Light, PathOptions, ProjectionOptions, ReflectanceField, Relighting, Rendering, Scene, project, write_mosaic,
-};
+use relumine::{Light, PathOptions, ProjectionOptions, ReflectanceField, Rendering, Scene, project, write_mosaic};
 
 use crate::failure::Failure;
 use crate::progress::Talk;
+use crate::relight;
 
 /// A light of the demonstration.
 pub(super) struct Shown {
@@ -71,14 +70,7 @@ pub(super) fn make(directory: &Path, field: &Path, scene: Scene, talk: &Talk) ->
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let mut relighting = Relighting::new(&field, &coefficients)?;
-    let bar = talk.bar("tiles", relighting.steps(), 0);
-    for step in &mut relighting {
-        step?;
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    let mut pictures = relighting.pictures().into_iter();
+    let mut pictures = relight::pictures(&field, &coefficients, talk)?.into_iter();
 
     let mut figures = Vec::new();
     let mut all_rows = None;
