@@ -204,6 +204,11 @@ impl Paths {
         pixels.saturating_mul(options.samples).saturating_mul(options.bounces).saturating_mul(size_of::<Vertex>())
     }
 
+    /// About the bytes that these take.
+    pub fn bytes(&self) -> usize {
+        self.vertices() * size_of::<Vertex>()
+    }
+
     /// Vertices in all: each costs one connection a lantern.
     pub fn vertices(&self) -> usize {
         self.lines.iter().map(|line| line.vertices.len()).sum()

@@ -24,11 +24,24 @@ pub(super) struct World {
     setup: Arc<Setup>,
     settings: SimulatedText,
     options: PathOptions,
+    /// Whether paths are kept, once that is known, and those that are.
+    keeps: Option<bool>,
     kept: Option<Paths>,
     standing: Option<(usize, Position)>,
     shown: Option<ShownPattern>,
     /// What every square alone looks like from here, if that is known yet.
     shares: Option<Vec<Share>>,
+}
+
+/// Whether the paths of the whole picture are few enough to be kept, judged by the row across its middle.
+fn fit_to_keep(scene: &Scene, options: &PathOptions) -> bool {
+    let (width, height) = scene.picture_size();
+    if Paths::most_bytes(width * height, options) <= KEPT_BYTES {
+        return true;
+    }
+    let middle = height / 2;
+    let row = Paths::trace(scene, 0..width, middle..middle + 1, options);
+    row.bytes().saturating_mul(height) <= KEPT_BYTES
 }
 
 /// What is photographed: names its noise.
@@ -40,7 +53,7 @@ pub(super) struct Place {
 
 impl World {
     pub(super) fn new(scene: Scene, setup: Arc<Setup>, settings: SimulatedText, options: PathOptions) -> Self {
-        Self { scene, setup, settings, options, kept: None, standing: None, shown: None, shares: None }
+        Self { scene, setup, settings, options, keeps: None, kept: None, standing: None, shown: None, shares: None }
     }
 
     pub(super) fn move_to(&mut self, index: usize, position: Position) {
@@ -92,7 +105,7 @@ impl World {
         let vignetting = self.settings.projector_vignetting;
         let lantern = Lantern::projector(self.misplaced(index, position), radius_m, pattern, intensity, vignetting);
         let (width, height) = self.scene.picture_size();
-        if Paths::most_bytes(width * height, &self.options) <= KEPT_BYTES {
+        if *self.keeps.get_or_insert_with(|| fit_to_keep(&self.scene, &self.options)) {
             let (scene, options) = (&self.scene, &self.options);
             let paths = self.kept.get_or_insert_with(|| Paths::trace(scene, 0..width, 0..height, options));
             return paths.under(scene, &lantern, 0..width, 0..height);
