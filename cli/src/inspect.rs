@@ -3,6 +3,7 @@
 mod capture;
 mod field;
 mod picture;
+mod scene;
 
 use std::path::{Path, PathBuf};
 
@@ -13,8 +14,8 @@ use crate::light::is_capture;
 
 /// Say what something is, what is in it, and whether it is whole
 ///
-/// PATH is a capture, a field (finished or not), a light description, a list of lamps or a picture. Checksums are verified;
-/// the exit code is 3 if anything is damaged or missing.
+/// PATH is a capture, a field (finished or not), the description of a light, a rig or a scene, a model, a list of lamps or a
+/// picture. Checksums are verified; the exit code is 3 if anything is damaged or missing.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// What to look at
@@ -43,7 +44,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some("toml") if path.file_name().is_some_and(|name| name == "capture.toml") => {
             capture::inspect(path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")))
         }
-        Some("toml") => picture::inspect_light(path),
+        Some("toml") => match scene::format_of(path)?.as_str() {
+            "relumine-scene" => scene::inspect(path),
+            "relumine-rig" => scene::inspect_rig(path),
+            _ => picture::inspect_light(path),
+        },
+        Some("gltf" | "glb" | "obj") => scene::inspect(path),
         Some("lp" | "csv") => picture::inspect_lamps(path),
         _ => picture::inspect(path),
     }

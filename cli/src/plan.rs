@@ -42,11 +42,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let estimate = Estimate::of(&rig, &plan);
     let developing = Development::bytes_per_position(rig.setup()) as u64;
     let warnings = PlanWarning::all(&rig, &estimate, arguments.capture.as_deref(), developing);
-    if arguments.json {
-        print_json(&plan, &estimate, developing, &warnings)
-    } else {
-        print(&rig, &plan, &estimate, developing)
-    }?;
+    if arguments.json { print_json(&plan, &estimate, developing, &warnings) } else { print(&rig) }?;
     warnings.iter().for_each(|warning| talk.say(format!("warning: {warning}")));
     if let Some(directory) = &arguments.capture {
         talk.say(format!("laid out; `relumine capture {}` takes the photographs", directory.display()));
@@ -54,7 +50,11 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print(rig: &Rig, plan: &Plan, estimate: &Estimate, developing: u64) -> Result<(), Failure> {
+/// What a rig will take, in words.
+pub(crate) fn print(rig: &Rig) -> Result<(), Failure> {
+    let plan = Plan::of(rig);
+    let estimate = Estimate::of(rig, &plan);
+    let developing = Development::bytes_per_position(rig.setup()) as u64;
     let mut out = std::io::stdout().lock();
     let mut line = |name: &str, value: String| printed(writeln!(out, "{name:<14} {value}"));
     line("rig", rig.setup().title().unwrap_or("(no title)").into())?;

@@ -184,3 +184,12 @@ fn what_cannot_be_rendered_says_why() {
     assert!(!at("out.exr").exists());
     relumine!("render", &scene, "--transfer", &at("rig.toml"), "-o", &at("a.field")).fails(1, &["exists already"]);
 }
+
+#[test]
+fn inspect_knows_scenes_and_rigs_by_what_they_say_they_are() {
+    let (_folder, at) = studio();
+    let said = relumine!("inspect", &at("scene.toml")).succeeds().stdout;
+    assert!(said.contains("triangles and balls") && said.contains("24 × 16"), "{said}");
+    assert!(relumine!("inspect", &at("rig.toml")).succeeds().stdout.contains("66 in all"));
+    assert!(relumine!("inspect", &at("light.toml")).succeeds().stdout.contains("1 lamps"));
+}
