@@ -17,7 +17,7 @@ fuzz_target!(|text: &str| {
             let last = plan.photograph(plan.len() - 1);
             assert_eq!((last.position, last.exposure_index), (plan.positions() - 1, plan.exposures().len() - 1));
             let estimate = Estimate::of(&rig, &plan);
-            assert!(estimate.hours >= 0.0 && estimate.hours.is_finite());
+            assert!(estimate.hours.is_none_or(|hours| hours >= 0.0 && hours.is_finite()));
             for warning in PlanWarning::all(&rig, &estimate, None, 0) {
                 assert!(!warning.to_string().is_empty());
             }
