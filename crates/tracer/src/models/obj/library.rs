@@ -26,7 +26,7 @@ pub(super) struct Library {
 /// What a library says of a material.
 #[derive(Default)]
 struct Description {
-    library: PathBuf,
+    named_in: PathBuf,
     diffuse: Option<Vec3>,
     /// The name of the picture, and the line that names it.
     diffuse_map: Option<(String, usize)>,
@@ -60,7 +60,7 @@ impl Library {
             let line = String::from_utf8_lossy(line);
             let (word, rest) = words(&line);
             if word == "newmtl" {
-                let description = Description { library: path.to_path_buf(), ..Description::default() };
+                let description = Description { named_in: path.to_path_buf(), ..Description::default() };
                 let next = Some((rest.to_owned(), description));
                 self.materials.extend(std::mem::replace(&mut current, next));
             } else if let Some((_, description)) = &mut current {
@@ -134,7 +134,7 @@ impl Description {
         let Some((name, line)) = &self.diffuse_map else {
             return Ok(Texture::Constant(self.diffuse.unwrap_or(super::GREY)));
         };
-        let file = ModelFile::new(&self.library);
+        let file = ModelFile::new(&self.named_in);
         let place = format!("line {line}");
         if name.starts_with('-') {
             return Err(file.unsupported(place, format!("options of a map: {:?}", short(name))));

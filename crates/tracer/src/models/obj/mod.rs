@@ -59,7 +59,7 @@ struct Reader<'a> {
     /// Names of materials and the line of each that names it first.
     materials: Vec<(String, usize)>,
     material_numbers: HashMap<String, usize>,
-    library: Library,
+    mtl: Library,
     drafts: Vec<Draft>,
     draft_numbers: HashMap<Kind, usize>,
     triangles: usize,
@@ -77,7 +77,7 @@ impl<'a> Reader<'a> {
             material: None,
             materials: Vec::new(),
             material_numbers: HashMap::new(),
-            library: Library::default(),
+            mtl: Library::default(),
             drafts: Vec::new(),
             draft_numbers: HashMap::new(),
             triangles: 0,
@@ -99,7 +99,7 @@ impl<'a> Reader<'a> {
             "vn" => self.normals.push(Vec3::from_array(numbers(rest, 3).map_err(malformed)?)),
             "f" => self.face(number, before_comment(rest))?,
             "o" | "g" => self.object = (self.object.0 + 1, short(rest)),
-            "mtllib" => self.library.add(self.file, &place(), rest)?,
+            "mtllib" => self.mtl.add(self.file, &place(), rest)?,
             "usemtl" => self.material = Some(self.material(number, rest)),
             _ => {}
         }
@@ -196,10 +196,10 @@ impl<'a> Reader<'a> {
         let grey = || Material::Diffuse { reflectance: Texture::Constant(GREY) }.into();
         let Some((name, line)) = material.map(|number| &self.materials[number]) else { return Ok(grey()) };
         // Models are passed on without their libraries; a wrong name in one that is there is a mistake.
-        if self.library.is_empty() {
+        if self.mtl.is_empty() {
             return Ok(grey());
         }
-        self.library.surface(name)?.ok_or_else(|| {
+        self.mtl.surface(name)?.ok_or_else(|| {
             let reason = format!("no library defines the material {:?}", short(name));
             self.file.malformed(format!("line {line}"), reason)
         })
