@@ -11,6 +11,7 @@
 mod bsdf;
 mod camera;
 mod description;
+mod lantern;
 mod lighting;
 mod material;
 mod mesh;
@@ -26,6 +27,7 @@ mod transfer;
 
 pub use camera::Camera;
 pub use description::SceneError;
+pub use lantern::Lantern;
 pub use material::{Material, NormalMap, Surface};
 pub use mesh::{Mesh, Model, Part};
 pub use models::{ModelError, Up, read_model};
@@ -33,4 +35,4 @@ pub use path::PathOptions;
 pub use render::{RenderError, Rendered, Rendering};
 pub use scene::Scene;
 pub use texture::{Texture, TexturePicture, Wrap};
-pub use transfer::{Lantern, Paths, Share};
+pub use transfer::{Paths, Share};
