@@ -16,6 +16,7 @@ mod error;
 mod header;
 mod journal;
 mod manifest;
+pub mod packed;
 mod reader;
 mod shard;
 mod writer;
