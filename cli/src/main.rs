@@ -11,6 +11,7 @@ mod import;
 mod inspect;
 mod light;
 mod output;
+mod pack;
 mod plan;
 mod progress;
 mod projection;
@@ -60,6 +61,7 @@ enum Verb {
     Render(render::Arguments),
     Compare(compare::Arguments),
     Inspect(inspect::Arguments),
+    Pack(pack::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -79,6 +81,7 @@ fn main() -> ExitCode {
         Verb::Render(arguments) => render::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments),
+        Verb::Pack(arguments) => pack::run(&arguments, &talk),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -64,6 +64,25 @@ impl Blocks {
         [self.picture[0].div_ceil(tile[0]), self.picture[1].div_ceil(tile[1])]
     }
 
+    /// Blocks of the whole picture, `[down, across]`, whatever their tile.
+    pub fn grid(&self) -> [usize; 2] {
+        [self.picture[0].div_ceil(self.block[0]), self.picture[1].div_ceil(self.block[1])]
+    }
+
+    /// The pixels of block (row, column) of the whole picture, cut at its border.
+    pub fn block_extent(&self, [row, column]: [usize; 2]) -> Extent {
+        let cut = |index: usize, side: usize, length: usize| index * side..((index + 1) * side).min(length);
+        Extent {
+            columns: cut(column, self.block[1], self.picture[1]),
+            rows: cut(row, self.block[0], self.picture[0]),
+        }
+    }
+
+    /// The tile of block (row, column) of the whole picture, and the block within it.
+    pub fn tile_of(&self, [row, column]: [usize; 2]) -> ([usize; 2], [usize; 2]) {
+        ([row / self.tile[0], column / self.tile[1]], [row % self.tile[0], column % self.tile[1]])
+    }
+
     /// All tiles as (row, column), row-major.
     pub fn all_tiles(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
         let [down, across] = self.tiles();

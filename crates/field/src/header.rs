@@ -23,6 +23,18 @@ pub struct Header {
     pub units: String,
     /// How it was made: program, separation, input.
     pub made: serde_json::Value,
+    /// How it is packed; halves of every square if not at all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub packing: Option<Packing>,
+}
+
+/// How a field is packed ([`crate::packed`]).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Packing {
+    /// What no square's picture may be off by, patch for patch, over what all squares of one position show there, root mean
+    /// square over positions; a share, such as 0.01.
+    pub error: f64,
 }
 
 /// The positions, in degrees.
@@ -86,7 +98,7 @@ impl Header {
             }
             Reach::Far => Lamps::Distant { irradiance: vec![[1.0; 3]; cells.positions()] },
         };
-        Self { format: Self::FORMAT.into(), title, picture, positions, lamps, units: Self::UNITS.into(), made }
+        Self { format: Self::FORMAT.into(), title, picture, positions, lamps, units: Self::UNITS.into(), made, packing: None }
     }
 
     /// The cells of the field.

@@ -24,7 +24,7 @@ mod zarr;
 
 pub use blocks::{Blocks, Extent};
 pub use error::FieldError;
-pub use header::{Header, Lamps, LayoutRecord};
+pub use header::{Header, Lamps, LayoutRecord, Packing};
 pub use journal::PositionRecord;
 pub use manifest::Damage;
 pub use reader::ReflectanceField;

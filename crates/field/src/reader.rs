@@ -8,6 +8,9 @@ use relumine_radiometry::files::MAX_PIXELS;
 use relumine_radiometry::{Image, Transfer, read_bounded};
 use serde::Deserialize;
 
+use half::f16;
+
+use crate::packed::{BlockRecord, Groups, PackedBlock, store};
 use crate::writer::shard_path;
 use crate::{BlockBuffer, Blocks, Damage, FieldError, Header, Lamps, PositionRecord, Shard, manifest, zarr};
 
@@ -19,6 +22,8 @@ pub struct ReflectanceField {
     records: Vec<PositionRecord>,
     /// Cell indices that were not photographed.
     missing: HashSet<usize>,
+    /// Of a packed field: its blocks, row-major.
+    packed: Vec<BlockRecord>,
 }
 
 #[derive(Deserialize)]
@@ -30,6 +35,8 @@ struct Group {
 struct Attributes {
     relumine: Header,
     positions: Vec<PositionRecord>,
+    #[serde(default)]
+    blocks: Vec<BlockRecord>,
 }
 
 impl ReflectanceField {
@@ -46,7 +53,7 @@ impl ReflectanceField {
         let text = read_metadata(&group_path)?;
         let group: Group = serde_json::from_str(&text)
             .map_err(|error| FieldError::NotAField { path: group_path.clone(), reason: error.to_string() })?;
-        let Attributes { relumine: header, positions: records } = group.attributes;
+        let Attributes { relumine: header, positions: records, blocks: packed } = group.attributes;
         if header.format != Header::FORMAT {
             return Err(not_a_field(format!("expected format \"{}\", found \"{}\"", Header::FORMAT, header.format)));
         }
@@ -80,6 +87,16 @@ impl ReflectanceField {
         {
             return Err(not_a_field(format!("{} positions, but {} lamps", cells.positions(), irradiance.len())));
         }
+        if header.packing.is_some() {
+            let [down, across] = header.blocks().grid();
+            if packed.len() != down * across {
+                return Err(not_a_field(format!("{} blocks, but {} records", down * across, packed.len())));
+            }
+            if let Some(block) = packed.iter().find(|block| !block.is_possible()) {
+                return Err(not_a_field(format!("a block of rank {} and {} bytes", block.rank, block.bytes)));
+            }
+            return Ok(Self { path: path.to_path_buf(), header, cells, records, missing, packed });
+        }
         // The array must be cut as this version cuts it: nothing else in its metadata is ours to interpret.
         let array = format!("{}/zarr.json", zarr::TRANSFER);
         let array_path = path.join(&array);
@@ -91,7 +108,7 @@ impl ReflectanceField {
             let reason = "the array is cut or coded in another way than this version does".into();
             return Err(FieldError::NotAField { path: array_path, reason });
         }
-        Ok(Self { path: path.to_path_buf(), header, cells, records, missing })
+        Ok(Self { path: path.to_path_buf(), header, cells, records, missing, packed: Vec::new() })
     }
 
     /// Where it lies.
@@ -144,11 +161,125 @@ impl ReflectanceField {
         Shard::open(&shard_path(&self.path, position, tile), self.blocks(), squares, at_once)
     }
 
+    /// Whether it is packed: then [`ReflectanceField::packed_block`] reads it, otherwise [`ReflectanceField::shard`].
+    pub fn is_packed(&self) -> bool {
+        self.header.packing.is_some()
+    }
+
+    /// The records of a packed field's blocks, row-major.
+    pub fn block_records(&self) -> &[BlockRecord] {
+        &self.packed
+    }
+
+    /// Reads a block of a packed field: its bases, and the atoms of positions that are `wanted`.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged.
+    ///
+    /// # Panics
+    /// If the field is not packed or has no such block.
+    pub fn packed_block(
+        &self,
+        block: [usize; 2],
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<PackedBlock, FieldError> {
+        let record = &self.packed[block[0] * self.blocks().grid()[1] + block[1]];
+        let extent = self.blocks().block_extent(block);
+        let (squares, positions) = (self.cells.squares(), self.cells.positions());
+        store::read(&store::folder_of(&self.path, block), record, extent, squares, positions, wanted)
+    }
+
+    /// All squares of a position in one block, in units of its scale: `[square][channel][row][column]`
+    /// of the block's own pixels, into `values`.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged.
+    pub fn squares_of_block(
+        &self,
+        position: usize,
+        block: [usize; 2],
+        buffer: &mut BlockBuffer,
+        values: &mut Vec<f16>,
+    ) -> Result<(), FieldError> {
+        let blocks = self.blocks();
+        let extent = blocks.block_extent(block);
+        let m2 = self.cells.squares() * self.cells.squares();
+        values.clear();
+        values.resize(m2 * 3 * extent.pixels(), f16::ZERO);
+        if self.is_packed() {
+            let groups = Groups::new(self.cells.squares());
+            self.packed_block(block, |wanted| wanted == position)?.decode(position, &groups, self.scale(position), values);
+            return Ok(());
+        }
+        let (tile, inner) = blocks.tile_of(block);
+        let shard = self.shard(position, tile, false)?;
+        let [height, width] = blocks.block();
+        for (square, values) in values.chunks_exact_mut(3 * extent.pixels()).enumerate() {
+            if !shard.block(square, inner, buffer)? {
+                continue;
+            }
+            let planes = values.chunks_exact_mut(extent.pixels()).zip(buffer.values().chunks_exact(height * width));
+            for (to, from) in planes {
+                for (to, from) in to.chunks_exact_mut(extent.columns.len()).zip(from.chunks_exact(width)) {
+                    to.copy_from_slice(&from[..to.len()]);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// In how many photographs of a position each pixel is clipped, row-major.
+    ///
+    /// # Errors
+    /// If it cannot be read or is damaged.
+    pub fn clipped(&self, position: usize) -> Result<Vec<u8>, FieldError> {
+        let (width, height) = self.picture_size();
+        let path = self.path.join(format!("{}/c/{position}/0/0", zarr::CLIPPED));
+        match std::fs::read(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(vec![0; width * height]),
+            Err(source) => Err(FieldError::Read { path, source }),
+            Ok(frame) => match zstd::bulk::decompress(&frame, width * height) {
+                Ok(counts) if counts.len() == width * height => Ok(counts),
+                Ok(counts) => {
+                    let reason = format!("{} bytes instead of {}", counts.len(), width * height);
+                    Err(FieldError::Damaged { path, reason })
+                }
+                Err(error) => Err(FieldError::Damaged { path, reason: error.to_string() }),
+            },
+        }
+    }
+
     /// The transfer Rᵢ of one cell as a picture.
     ///
     /// # Errors
     /// If it cannot be read or is damaged.
     pub fn transfer(&self, cell: usize) -> Result<Image<Transfer>, FieldError> {
+        if self.is_packed() { self.packed_transfer(cell) } else { self.transfer_of_halves(cell) }
+    }
+
+    fn packed_transfer(&self, cell: usize) -> Result<Image<Transfer>, FieldError> {
+        let (width, height) = self.picture_size();
+        let Cell { position, u, v } = self.cells.cell(cell);
+        let m = self.cells.squares();
+        let mut weights = vec![[0.0; 3]; m * m];
+        weights[v * m + u] = [1.0; 3];
+        let mut picture = Image::black(width, height);
+        let [down, across] = self.blocks().grid();
+        for block in (0..down).flat_map(|row| (0..across).map(move |column| [row, column])) {
+            let block = self.packed_block(block, |wanted| wanted == position)?;
+            let mut values = vec![0.0f64; 3 * block.extent.pixels()];
+            block.add_weighted(position, &Groups::new(m), &weights, &mut values);
+            for (index, value) in values.into_iter().enumerate() {
+                let (channel, pixel) = (index / block.extent.pixels(), index % block.extent.pixels());
+                let y = block.extent.rows.start + pixel / block.extent.columns.len();
+                let x = block.extent.columns.start + pixel % block.extent.columns.len();
+                picture.pixels_mut()[y * width + x][channel] = value as f32;
+            }
+        }
+        Ok(picture)
+    }
+
+    fn transfer_of_halves(&self, cell: usize) -> Result<Image<Transfer>, FieldError> {
         let (width, height) = self.picture_size();
         let Cell { position, u, v } = self.cells.cell(cell);
         let square = v * self.cells.squares() + u;
@@ -178,6 +309,16 @@ impl ReflectanceField {
             }
         }
         Ok(picture)
+    }
+
+    /// A name for its contents: the digest of the list of its files' digests, in hexadecimal.
+    ///
+    /// # Errors
+    /// If the list cannot be read.
+    pub fn digest(&self) -> Result<String, FieldError> {
+        let path = self.path.join(manifest::NAME);
+        let list = std::fs::read(&path).map_err(|source| FieldError::Read { path, source })?;
+        Ok(blake3::hash(&list).to_hex().to_string())
     }
 
     /// Holds every file against its digest: an empty list means that the field is whole.

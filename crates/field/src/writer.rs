@@ -16,6 +16,7 @@ use relumine_radiometry::files::write_atomically;
 use serde_json::json;
 
 use crate::journal::Journal;
+use crate::packed::{BlockRecord, Sketch, store};
 use crate::{Blocks, Extent, FieldError, Header, PositionRecord, manifest, shard, zarr};
 
 /// What an old field is called while a new one takes its name.
@@ -196,6 +197,32 @@ impl FieldWriter {
         Ok(known.into_iter().flatten().collect())
     }
 
+    /// The blocks of a packed field that are not written yet, row-major.
+    pub fn remaining_blocks(&self) -> Vec<[usize; 2]> {
+        let missing = |block: &[usize; 2]| store::record(&store::folder_of(&self.field, *block)).is_none();
+        self.all_blocks().filter(missing).collect()
+    }
+
+    /// All blocks of the picture, row-major.
+    pub fn all_blocks(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let [down, across] = self.blocks.grid();
+        (0..down).flat_map(move |row| (0..across).map(move |column| [row, column]))
+    }
+
+    /// Packs and writes a block of a field whose header has a [`crate::Packing`], from the sketches of all positions.
+    ///
+    /// # Errors
+    /// If it cannot be written; then it is not done and can be written again.
+    ///
+    /// # Panics
+    /// If the field is not packed, or there are more or fewer sketches than positions.
+    pub fn write_packed(&self, block: [usize; 2], sketches: &[Sketch]) -> Result<BlockRecord, FieldError> {
+        let packing = self.header.packing.expect("the field is packed");
+        assert_eq!(sketches.len(), self.cells.positions(), "a packed block needs every position");
+        let packed = store::pack(&self.blocks.block_extent(block), self.cells.squares(), sketches, packing.error);
+        packed.write(&store::folder_of(&self.field, block))
+    }
+
     /// Writes how often each pixel of a position was clipped, and then that the position is done.
     ///
     /// # Errors
@@ -290,12 +317,30 @@ impl FieldWriter {
             "photographs in which every exposure of the pixel is clipped",
         );
         self.write_json(&format!("{}/zarr.json", zarr::CLIPPED), &clipped)?;
-        self.write_json(&format!("{}/zarr.json", zarr::TRANSFER), &zarr::transfer(&self.header))?;
-        let attributes = json!({ "relumine": self.header, "positions": records });
+        let mut attributes = json!({ "relumine": self.header, "positions": records });
+        if self.header.packing.is_some() {
+            attributes["blocks"] = json!(self.block_records()?);
+            self.write_json(&format!("{}/zarr.json", zarr::PACKED), &zarr::group(&json!({})))?;
+        } else {
+            self.write_json(&format!("{}/zarr.json", zarr::TRANSFER), &zarr::transfer(&self.header))?;
+        }
         self.write_json("zarr.json", &zarr::group(&attributes))?;
         remove_leavings(&self.field).map_err(|source| write(&self.field, source))?;
         manifest::write(&self.field)?;
         self.rename().map_err(|source| write(&self.path, source))
+    }
+
+    /// The records of all packed blocks, row-major.
+    fn block_records(&self) -> Result<Vec<BlockRecord>, FieldError> {
+        self.all_blocks()
+            .map(|block| {
+                let folder = store::folder_of(&self.field, block);
+                store::record(&folder).ok_or_else(|| {
+                    let source = io::Error::other("the block is not done");
+                    FieldError::Write { path: folder, source }
+                })
+            })
+            .collect()
     }
 
     fn rename(&self) -> io::Result<()> {

@@ -14,6 +14,7 @@ pub(crate) const SCALE: &str = "scale";
 pub(crate) const PRESENT: &str = "present";
 pub(crate) const CLIPPED: &str = "clipped";
 pub(crate) const TRANSFER: &str = "transfer";
+pub(crate) const PACKED: &str = "packed";
 
 pub(crate) fn group(attributes: &Value) -> Value {
     json!({ "zarr_format": 3, "node_type": "group", "attributes": attributes })
@@ -29,7 +30,7 @@ fn little_endian() -> Value {
 
 /// An array whose chunks are `chunk` large, zstd-compressed.
 pub(crate) fn array(data_type: &str, shape: &[usize], chunk: &[usize], names: &[&str], unit: &str) -> Value {
-    let bytes = if data_type == "uint8" { json!({ "name": "bytes" }) } else { little_endian() };
+    let bytes = if ["uint8", "int8"].contains(&data_type) { json!({ "name": "bytes" }) } else { little_endian() };
     json!({
         "zarr_format": 3,
         "node_type": "array",
@@ -42,6 +43,21 @@ pub(crate) fn array(data_type: &str, shape: &[usize], chunk: &[usize], names: &[
         "dimension_names": names,
         "attributes": { "unit": unit },
     })
+}
+
+/// Bytes in rows, each compressed by itself, all in one shard.
+pub(crate) fn rows_of_bytes(shape: [usize; 2], names: [&str; 2], unit: &str) -> Value {
+    let mut rows = array("uint8", &shape, &shape, &names, unit);
+    rows["codecs"] = json!([{
+        "name": "sharding_indexed",
+        "configuration": {
+            "chunk_shape": [1, shape[1]],
+            "codecs": [{ "name": "bytes" }, zstd()],
+            "index_codecs": [little_endian(), { "name": "crc32c" }],
+            "index_location": "end",
+        },
+    }]);
+    rows
 }
 
 /// The array of transfers: a shard is one tile of pixels of one position, its inner chunks are blocks of one square.

@@ -7,11 +7,15 @@
 //! Nothing here knows where coefficients come from or how a field was made.
 
 mod kernel;
+mod packed;
 mod reference;
 mod relighting;
 mod resident;
 mod source;
 
+pub use packed::{
+    Incremental, LightWeights, PackedError, Progressive, ResidentBlock, ResidentPacked, Step, Update, relight_block,
+};
 pub use reference::relight_reference;
 pub use relighting::{RelightError, Relighting, missing_share};
 pub use resident::ResidentField;

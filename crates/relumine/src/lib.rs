@@ -31,6 +31,7 @@ mod develop;
 mod error;
 mod import;
 mod lights;
+mod pack;
 mod queue;
 mod scene_field;
 
@@ -39,6 +40,7 @@ pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome}
 pub use error::Error;
 pub use import::{Import, ImportOptions, LampList, LampPhotograph};
 pub use lights::{LightKind, picture_kind, read_light, write_mosaic};
+pub use pack::{Encoding, Repacking, kept};
 pub use scene_field::SceneField;
 
 pub use relumine_basis as basis;

@@ -1,5 +1,7 @@
 //! One block of a packed field: the bases of its patches and the atoms of some positions.
 
+use half::f16;
+
 use crate::packed::{Atoms, Groups, POSITIONS_A_CHUNK, Patches};
 use crate::Extent;
 
@@ -66,5 +68,78 @@ impl PackedBlock {
                 }
             }
         }
+    }
+
+    /// The transfers of all squares of a position over `scale`, `[square][channel][row][column]` of the block, into `values`.
+    ///
+    /// # Panics
+    /// If `values` are not M² · 3 · pixels.
+    pub fn decode(&self, position: usize, groups: &Groups, scale: f32, values: &mut [f16]) {
+        let [height, width] = self.patches.block();
+        let plane = height * width;
+        let sizes = groups.sizes();
+        let m2 = sizes.iter().sum::<usize>();
+        assert_eq!(values.len(), m2 * 3 * plane, "every pixel of every square");
+        values.fill(f16::ZERO);
+        for patch in 0..self.patches.len() {
+            let Some(atoms) = self.atoms(position, patch) else { continue };
+            let (rows, columns) = self.patches.pixels(patch);
+            let pixels = rows.len() * columns.len();
+            let mut main = None;
+            let mut shares: Vec<Option<Vec<f32>>> = vec![None; groups.len()];
+            let mut squares: Vec<(usize, Vec<f32>)> = Vec::new();
+            for atom in atoms {
+                let id = usize::from(atom.id);
+                let mut vector = self.vector(patch, &atom);
+                match (&mut main, id < m2) {
+                    (None, _) => main = Some((id, vector)),
+                    (Some((_, whole)), true) => {
+                        whole.iter_mut().zip(&vector).for_each(|(whole, value)| *whole -= value);
+                        squares.push((id, vector));
+                    }
+                    (Some((_, whole)), false) => {
+                        whole.iter_mut().zip(&vector).for_each(|(whole, value)| *whole -= value);
+                        vector.iter_mut().for_each(|value| *value /= sizes[id - m2] as f32);
+                        shares[id - m2] = Some(vector);
+                    }
+                }
+            }
+            let Some((main, whole)) = main else { continue };
+            squares.push((main, whole));
+            let mut put = |square: usize, vector: &dyn Fn(usize) -> f32| {
+                for index in 0..3 * pixels {
+                    let (channel, pixel) = (index / pixels, index % pixels);
+                    let (y, x) = (rows.start + pixel / columns.len(), columns.start + pixel % columns.len());
+                    let value = (vector(index) / scale).clamp(-f16::MAX.to_f32(), f16::MAX.to_f32());
+                    values[(square * 3 + channel) * plane + y * width + x] = f16::from_f32(value);
+                }
+            };
+            for square in 0..m2 {
+                let own = squares.iter().find(|(own, _)| *own == square).map(|(_, vector)| vector);
+                match (own, &shares[groups.of(square)]) {
+                    (Some(own), Some(share)) => put(square, &|index| own[index] + share[index]),
+                    (Some(own), None) => put(square, &|index| own[index]),
+                    (None, Some(share)) => put(square, &|index| share[index]),
+                    (None, None) => {}
+                }
+            }
+        }
+    }
+
+    /// What an atom says, `[channel][row][column]` of its patch.
+    fn vector(&self, patch: usize, atom: &crate::packed::Atom) -> Vec<f32> {
+        let [height, width] = self.patches.block();
+        let (rows, columns) = self.patches.pixels(patch);
+        let mut vector = vec![0.0f32; 3 * rows.len() * columns.len()];
+        for (component, coefficient) in atom.coefficients.iter().enumerate() {
+            let step = self.steps[component * self.patches.len() + patch];
+            let value = f32::from(*coefficient) * step * f32::from(atom.exponent).exp2();
+            let lines = (0..3).flat_map(|channel| rows.clone().map(move |y| ((component * 3 + channel) * height + y) * width));
+            for (line, sums) in lines.zip(vector.chunks_exact_mut(columns.len())) {
+                let basis = &self.basis[line..][columns.clone()];
+                sums.iter_mut().zip(basis).for_each(|(sum, entry)| *sum += value * f32::from(*entry));
+            }
+        }
+        vector
     }
 }

@@ -13,9 +13,17 @@
 //! Light of one radiance through all squares of a position therefore shows the whole, whatever the rest lost.
 
 mod atoms;
+mod basis;
 mod block;
+mod encode;
+mod kept;
 mod patches;
+mod sketch;
+pub(crate) mod store;
 
 pub use atoms::{Atom, Atoms, POSITIONS_A_CHUNK};
 pub use block::PackedBlock;
+pub use kept::Kept;
 pub use patches::{Groups, Patches};
+pub use sketch::{Keep, Sketch};
+pub use store::BlockRecord;

@@ -1,0 +1,313 @@
+//! From the sketches of all positions to the basis and the atoms of a patch.
+
+use half::slice::HalfFloatSliceExt;
+
+use crate::packed::basis::{Basis, Enough, dot, norm};
+use crate::packed::sketch::{PatchSketch, QUARTERS, quarter, quarter_sizes};
+use crate::packed::{Groups, Kept};
+
+/// A square is kept by itself if it shows more than this share of the error, as norms over a patch.
+pub(crate) const SQUARE_SHARE: f64 = 0.5;
+
+/// Quantisation errors over the error: of the whole, of squares, of groups.
+const OF_WHOLE: f64 = 0.4;
+const OF_SQUARE: f64 = 0.35;
+const OF_GROUP: f64 = 0.25;
+
+/// The basis may leave this share of the error.
+const OF_BASIS: f64 = 0.5;
+
+/// Components that groups are coded in: what is left is smooth.
+const GROUP_RANK: usize = 4;
+
+/// The exponent of coefficients that count whole steps; smaller ones count parts of them.
+const EXPONENT: i32 = 12;
+
+/// The most vectors of a basis.
+const MOST_RANK: usize = 128;
+
+/// A patch, packed.
+#[derive(Debug, Default)]
+pub(crate) struct PackedPatch {
+    /// `[component][channel · row · column]`.
+    pub(crate) vectors: Vec<Vec<i8>>,
+    /// By component: what a coefficient of exponent 0 is worth.
+    pub(crate) steps: Vec<f32>,
+    /// By position: the atoms, the whole first.
+    pub(crate) atoms: Vec<Vec<OwnedAtom>>,
+    /// Where the light went.
+    pub(crate) kept: Kept,
+}
+
+/// An atom with coefficients of its own.
+#[derive(Debug)]
+pub(crate) struct OwnedAtom {
+    pub(crate) id: u16,
+    pub(crate) exponent: u8,
+    pub(crate) coefficients: Vec<i8>,
+}
+
+/// Packs a patch of `height` × `width` pixels, seen from all positions, for M = `squares`, so that no square of any position
+/// is off by much more than `error` times what all squares of one position show, root mean square over positions.
+pub(crate) fn pack_patch(
+    [height, width]: [usize; 2],
+    squares: usize,
+    positions: &[&PatchSketch],
+    error: f64,
+) -> PackedPatch {
+    let length = 3 * height * width;
+    let lit: Vec<&[f32]> = positions.iter().map(|sketch| &sketch.whole[..]).filter(|whole| !whole.is_empty()).collect();
+    let power = lit.iter().map(|whole| f64::from(dot(whole, whole))).sum::<f64>() / positions.len() as f64;
+    if power <= 0.0 {
+        return PackedPatch { atoms: positions.iter().map(|_| Vec::new()).collect(), ..PackedPatch::default() };
+    }
+    let allowed = error * power.sqrt();
+    let groups = Groups::new(squares);
+    let parts: Vec<Parts> =
+        positions.iter().map(|sketch| Parts::of(sketch, &groups, [height, width], SQUARE_SHARE * allowed)).collect();
+    let mut rows: Vec<Vec<f32>> = lit.iter().map(|whole| whole.to_vec()).collect();
+    rows.extend(parts.iter().flat_map(|parts| parts.squares.iter().map(|(_, values)| values.clone())));
+    let basis = Basis::of_rows(&rows, &Enough { residual: OF_BASIS * allowed, rank: MOST_RANK });
+    let coder = Coder::new(basis, allowed, length);
+    let smooth = Smooth::new(&coder.basis, [height, width]);
+    let mut kept = Kept::default();
+    let sizes = groups.sizes();
+    let m2 = squares * squares;
+    let atoms = positions
+        .iter()
+        .zip(parts)
+        .map(|(sketch, parts)| {
+            let mut atoms = Vec::new();
+            if sketch.whole.is_empty() {
+                return atoms;
+            }
+            let mut left = sketch.whole.clone();
+            atoms.push(coder.code(sketch.main, &mut left, OF_WHOLE * allowed));
+            kept.whole += sum(&sketch.whole);
+            kept.power += f64::from(dot(&sketch.whole, &sketch.whole));
+            kept.residual += f64::from(dot(&left, &left));
+            // Groups first: squares are coded as what they show beyond their group's share.
+            let mut members = sizes.clone();
+            for square in parts.squares.iter().map(|(square, _)| *square).chain([sketch.main]) {
+                members[groups.of(usize::from(square))] -= 1;
+            }
+            let mut shares: Vec<Option<Vec<f32>>> = vec![None; groups.len()];
+            let mut of_groups = Vec::new();
+            for group in (0..groups.len()).filter(|group| members[*group] > 0) {
+                let spread = sizes[group] as f32 / members[group] as f32;
+                let rest = &parts.rest[group * 3 * QUARTERS..][..3 * QUARTERS];
+                let atom = coder.code_coefficients((m2 + group) as u16, &smooth.fit(rest, spread), OF_GROUP * allowed);
+                if !atom.coefficients.is_empty() {
+                    let share = coder.decode(&atom, 1.0 / sizes[group] as f32);
+                    kept.coarse += sum(&share) * members[group] as f64;
+                    shares[group] = Some(share);
+                    of_groups.push(atom);
+                }
+            }
+            for (square, mut values) in parts.squares {
+                kept.squares += sum(&values);
+                if let Some(share) = &shares[groups.of(usize::from(square))] {
+                    values.iter_mut().zip(share).for_each(|(value, share)| *value -= share);
+                }
+                let atom = coder.code(square, &mut values, OF_SQUARE * allowed);
+                if !atom.coefficients.is_empty() {
+                    atoms.push(atom);
+                }
+            }
+            atoms.extend(of_groups);
+            atoms
+        })
+        .collect();
+    let Coder { basis, steps, .. } = coder;
+    let scale = 0.5f32.powi(EXPONENT);
+    PackedPatch {
+        steps: steps.iter().zip(&basis.per_unit).map(|(step, per_unit)| step * per_unit * scale).collect(),
+        vectors: basis.vectors,
+        atoms,
+        kept,
+    }
+}
+
+fn sum(values: &[f32]) -> f64 {
+    values.iter().map(|value| f64::from(*value)).sum()
+}
+
+/// A sketch cut at the error: squares that show less have gone to the rest of their group.
+struct Parts {
+    squares: Vec<(u16, Vec<f32>)>,
+    rest: Vec<f32>,
+}
+
+impl Parts {
+    fn of(sketch: &PatchSketch, groups: &Groups, [height, width]: [usize; 2], least: f64) -> Self {
+        let mut squares = Vec::new();
+        let mut rest = sketch.rest.clone();
+        let sizes = quarter_sizes(height, width);
+        for (square, halves) in &sketch.squares {
+            let mut values = vec![0.0; halves.len()];
+            halves.convert_to_f32_slice(&mut values);
+            values.iter_mut().for_each(|value| *value *= sketch.scale);
+            if f64::from(norm(&values)) > least {
+                squares.push((*square, values));
+                continue;
+            }
+            let rest = &mut rest[groups.of(usize::from(*square)) * 3 * QUARTERS..][..3 * QUARTERS];
+            for (index, value) in values.iter().enumerate() {
+                let (channel, pixel) = (index / (height * width), index % (height * width));
+                let quarter = quarter(pixel / width, height, pixel % width, width);
+                rest[channel * QUARTERS + quarter] += value / sizes[quarter] as f32;
+            }
+        }
+        Self { squares, rest }
+    }
+}
+
+/// Vectors as coefficients in a basis.
+struct Coder {
+    basis: Basis,
+    /// By component, in units of length along it.
+    steps: Vec<f32>,
+    /// By number of components: mean square error of quantising them all.
+    noise: Vec<f64>,
+}
+
+impl Coder {
+    fn new(basis: Basis, allowed: f64, length: usize) -> Self {
+        // One step for all components is best for the mean square error; where most coefficients would not fit 8 bits, more.
+        let step = allowed * (12.0 / length as f64).sqrt();
+        let steps: Vec<f32> = basis
+            .strengths
+            .iter()
+            .map(|strength| {
+                let over = 4.0 * f64::from(*strength) / (127.0 * step);
+                (step * over.log2().ceil().max(0.0).exp2()) as f32
+            })
+            .collect();
+        let mut noise = vec![0.0];
+        for step in &steps {
+            noise.push(noise.last().unwrap_or(&0.0) + f64::from(*step).powi(2) / 12.0);
+        }
+        Self { basis, steps, noise }
+    }
+
+    /// Codes `values` to about `error`; leaves what is lost.
+    fn code(&self, id: u16, values: &mut [f32], error: f64) -> OwnedAtom {
+        let exact: Vec<f32> = self.basis.units.iter().map(|unit| dot(unit, values)).collect();
+        let exponent = self.exponent(&exact, error);
+        let mut coefficients = vec![0i8; exact.len()];
+        for (component, unit) in self.basis.units.iter().enumerate() {
+            let step = self.steps[component] * ((exponent - EXPONENT) as f32).exp2();
+            let coefficient = quantise(dot(unit, values) / step);
+            if coefficient != 0 {
+                let value = f32::from(coefficient) * step;
+                values.iter_mut().zip(unit).for_each(|(left, unit)| *left -= value * unit);
+            }
+            coefficients[component] = coefficient;
+        }
+        atom(id, exponent, coefficients)
+    }
+
+    /// Codes coefficients along the first components.
+    fn code_coefficients(&self, id: u16, exact: &[f32], error: f64) -> OwnedAtom {
+        let exponent = self.exponent(exact, error);
+        let scale = ((exponent - EXPONENT) as f32).exp2();
+        atom(id, exponent, exact.iter().zip(&self.steps).map(|(value, step)| quantise(value / (step * scale))).collect())
+    }
+
+    /// The largest exponent that keeps to the error, or the smallest at which all coefficients fit if that is larger.
+    fn exponent(&self, exact: &[f32], error: f64) -> i32 {
+        let over = exact.iter().zip(&self.steps).fold(0.0f32, |over, (value, step)| over.max(value.abs() / (127.0 * step)));
+        let fits = if over > 0.0 { over.log2().ceil() as i32 } else { i32::MIN / 2 };
+        let fine = (error * error / self.noise[exact.len()].max(f64::MIN_POSITIVE)).log2() / 2.0;
+        let most = i32::from(crate::packed::Atoms::EXPONENTS) - 1;
+        (fits.max(fine.floor().clamp(-100.0, 100.0) as i32) + EXPONENT).clamp(0, most)
+    }
+
+    fn decode(&self, atom: &OwnedAtom, weight: f32) -> Vec<f32> {
+        let mut values = vec![0.0; self.basis.units.first().map_or(0, Vec::len)];
+        let scale = (f32::from(atom.exponent) - EXPONENT as f32).exp2() * weight;
+        for ((coefficient, step), unit) in atom.coefficients.iter().zip(&self.steps).zip(&self.basis.units) {
+            let value = f32::from(*coefficient) * step * scale;
+            values.iter_mut().zip(unit).for_each(|(sum, unit)| *sum += value * unit);
+        }
+        values
+    }
+}
+
+/// To the nearest, but a little more readily to zero: zeros cost least.
+fn quantise(value: f32) -> i8 {
+    (value.signum() * (value.abs() + 0.42).floor()).clamp(-127.0, 127.0) as i8
+}
+
+fn atom(id: u16, exponent: i32, mut coefficients: Vec<i8>) -> OwnedAtom {
+    let length = coefficients.iter().rposition(|value| *value != 0).map_or(0, |last| last + 1);
+    coefficients.truncate(length);
+    OwnedAtom { id, exponent: exponent as u8, coefficients }
+}
+
+/// Fits the first components to means of quarters, which are all that is known of a remainder.
+struct Smooth {
+    /// `[component][channel · quarter]`: coefficients = this × means.
+    inverse: Vec<[f32; 3 * QUARTERS]>,
+}
+
+impl Smooth {
+    fn new(basis: &Basis, [height, width]: [usize; 2]) -> Self {
+        let rank = basis.units.len().min(GROUP_RANK);
+        let sizes = quarter_sizes(height, width);
+        let means: Vec<[f64; 3 * QUARTERS]> = basis.units[..rank]
+            .iter()
+            .map(|unit| {
+                let mut means = [0.0; 3 * QUARTERS];
+                for (index, value) in unit.iter().enumerate() {
+                    let (channel, pixel) = (index / (height * width), index % (height * width));
+                    let quarter = quarter(pixel / width, height, pixel % width, width);
+                    means[channel * QUARTERS + quarter] += f64::from(*value) / sizes[quarter] as f64;
+                }
+                means
+            })
+            .collect();
+        // Least squares, held back where the means say little: (BᵀB + ν Λ⁻¹) c = Bᵀ m with Λ the components' own strengths.
+        let power: f64 = basis.strengths.iter().map(|strength| f64::from(*strength).powi(2)).sum();
+        let doubt = 0.01 * power / (3 * height * width) as f64;
+        let mut matrix = [[0.0; GROUP_RANK]; GROUP_RANK];
+        for (i, row) in matrix.iter_mut().enumerate().take(rank) {
+            for (j, entry) in row.iter_mut().enumerate().take(rank) {
+                *entry = means[i].iter().zip(&means[j]).map(|(a, b)| a * b).sum();
+            }
+            row[i] += doubt / f64::from(basis.strengths[i]).powi(2).max(f64::MIN_POSITIVE);
+        }
+        let mut inverse = vec![[0.0f32; 3 * QUARTERS]; rank];
+        for mean in 0..3 * QUARTERS {
+            let column: Vec<f64> = means.iter().map(|of_component| of_component[mean]).collect();
+            for (component, value) in solve(matrix, &column).into_iter().enumerate().take(rank) {
+                inverse[component][mean] = value as f32;
+            }
+        }
+        Self { inverse }
+    }
+
+    fn fit(&self, means: &[f32], scale: f32) -> Vec<f32> {
+        self.inverse.iter().map(|row| scale * row.iter().zip(means).map(|(a, b)| a * b).sum::<f32>()).collect()
+    }
+}
+
+/// Solves a small positive definite system by elimination.
+fn solve(mut matrix: [[f64; GROUP_RANK]; GROUP_RANK], right: &[f64]) -> Vec<f64> {
+    let mut x = right.to_vec();
+    let n = x.len();
+    for i in 0..n {
+        for j in i + 1..n {
+            let factor = matrix[j][i] / matrix[i][i];
+            for k in i..n {
+                matrix[j][k] -= factor * matrix[i][k];
+            }
+            x[j] -= factor * x[i];
+        }
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|j| matrix[i][j] * x[j]).sum();
+        x[i] = (x[i] - known) / matrix[i][i];
+    }
+    x
+}
