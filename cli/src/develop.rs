@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use relumine::{DevelopOptions, Development, PositionOutcome, Separation};
+use relumine::{DevelopOptions, Development, Encoding, PositionOutcome, Separation};
 
 use crate::failure::Failure;
 use crate::output::refuse_existing;
@@ -28,6 +28,12 @@ pub(crate) struct Arguments {
     /// The projector's black level, the share of white that black still shines; measured at each position if not given
     #[arg(long, value_name = "B")]
     black_level: Option<f64>,
+    /// Pack the field to this error, as `relumine pack --error` does; without it every square is kept as halves
+    #[arg(long, value_name = "E", value_parser = crate::pack::error, conflicts_with = "lossless")]
+    error: Option<f64>,
+    /// Keep every square as halves: what happens without --error
+    #[arg(long)]
+    lossless: bool,
     /// About how much memory photographs may take, MiB; one position is always developed
     #[arg(long, default_value_t = 1024, value_name = "MIB")]
     memory: usize,
@@ -56,6 +62,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         },
         black_level: arguments.black_level,
         memory_bytes: arguments.memory.saturating_mul(1 << 20),
+        encoding: arguments.error.map_or(Encoding::Lossless, Encoding::Packed),
         replace: arguments.force,
     };
     let mut development = Development::start(&arguments.capture, &arguments.output, &options)?;
@@ -72,6 +79,12 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     bar.finish_and_clear();
     outcomes.sort_by_key(|outcome| outcome.position);
     let (positions, squares) = (development.positions(), development.squares());
+    let blocks = development.blocks_to_pack();
+    if blocks > 0 {
+        let bar = talk.bar("blocks packed", blocks, 0);
+        development.pack(|| bar.inc(1))?;
+        bar.finish_and_clear();
+    }
     development.finish()?;
     summarise(&outcomes, positions, squares, talk);
     let missing: usize = outcomes.iter().map(|outcome| outcome.missing_squares).sum();

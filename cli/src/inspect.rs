@@ -1,5 +1,6 @@
 //! `relumine inspect`: what it is, what is in it, whether it is whole.
 
+mod against;
 mod capture;
 mod field;
 mod picture;
@@ -11,6 +12,8 @@ use clap::Args;
 
 use crate::failure::Failure;
 use crate::light::is_capture;
+use crate::progress::Talk;
+use crate::projection::ProjectionArguments;
 
 /// Say what something is, what is in it, and whether it is whole
 ///
@@ -20,10 +23,21 @@ use crate::light::is_capture;
 pub(crate) struct Arguments {
     /// What to look at
     path: PathBuf,
+    /// Hold a field against another one: how pictures relit from them differ, under lights drawn at random, always the same
+    #[arg(long, value_name = "FIELD")]
+    against: Option<PathBuf>,
+    /// With --against: a further light to compare under; may be given several times
+    #[arg(long = "light", value_name = "LIGHT", requires = "against")]
+    lights: Vec<PathBuf>,
+    #[command(flatten)]
+    projection: ProjectionArguments,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let path = &arguments.path;
+    if let Some(reference) = &arguments.against {
+        return against::another_field(path, reference, &arguments.lights, &arguments.projection, talk);
+    }
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     if !path.exists() {
         return Err(Failure::failed(format!("{} is not there", path.display())));

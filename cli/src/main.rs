@@ -80,7 +80,7 @@ fn main() -> ExitCode {
         Verb::Relight(arguments) => relight::run(&arguments, &talk),
         Verb::Render(arguments) => render::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
-        Verb::Inspect(arguments) => inspect::run(&arguments),
+        Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),
     };
     match done {

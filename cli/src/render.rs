@@ -6,7 +6,7 @@ use clap::Args;
 use relumine::radiometry::files::{self, ExrSample};
 use relumine::radiometry::{Encoded, Image};
 use relumine::tracer::Rendered;
-use relumine::{Capture, Light, PathOptions, Rendering, Rig, Scene, SceneField};
+use relumine::{Capture, Encoding, Light, Encoding, PathOptions, Rendering, Rig, Scene, SceneField};
 
 use crate::failure::Failure;
 use crate::output::{DisplayArguments, PictureFormat, refuse_existing, write_picture};
@@ -30,6 +30,9 @@ pub(crate) struct Arguments {
     /// Compute the field for the cells and the camera of this rig.toml or capture
     #[arg(long, value_name = "RIG", conflicts_with_all = ["light", "size", "error", "mask", "show_lamps"])]
     transfer: Option<PathBuf>,
+    /// With --transfer: pack the field to this error, as `relumine pack --error` does, without an unpacked one in between
+    #[arg(long, value_name = "E", value_parser = crate::pack::error, requires = "transfer")]
+    pack: Option<f64>,
     /// The picture to write (.exr and .hdr hold radiance, .png and .tif what a display shows), or the field
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -146,8 +149,10 @@ fn field(arguments: &Arguments, rig: &Path, options: PathOptions, talk: &Talk) -
         .map_err(|error| Failure::failed(format!("cannot read {}: {error}", arguments.scene.display())))?;
     let input = format!("{options:?} {text:?}");
     let shapes = scene.shapes();
-    let mut field = SceneField::start(scene, setup.cells(), &arguments.output, options, &input, arguments.force)?;
-    let bar = talk.bar("positions", field.steps(), 0);
+    let encoding = arguments.pack.map_or(Encoding::Lossless, Encoding::Packed);
+    let (output, force) = (&arguments.output, arguments.force);
+    let mut field = SceneField::start(scene, setup.cells(), output, options, encoding, &input, force)?;
+    let bar = talk.bar("steps", field.steps(), 0);
     let started = std::time::Instant::now();
     for step in &mut field {
         step?;

@@ -36,7 +36,8 @@ pub struct Relighting<'a, S: TransferSource> {
     /// Positions that some light shines from, in groups whose sums are added in order: the groups depend on the light
     /// alone, so the result does not depend on the number of threads.
     groups: Vec<Vec<usize>>,
-    tiles: Vec<[usize; 2]>,
+    /// Tiles of halves, or blocks of a packed field.
+    steps: Vec<[usize; 2]>,
     next: usize,
     pictures: Vec<Image<Radiance>>,
 }
@@ -61,11 +62,17 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
         // Groups enough for many cores, long enough that few partial sums are added up.
         let longest = lit.len().div_ceil(32).max(1);
         let (width, height) = field.picture_size();
+        let steps = if field.is_packed() {
+            let [down, across] = field.blocks().grid();
+            (0..down).flat_map(|row| (0..across).map(move |column| [row, column])).collect()
+        } else {
+            field.blocks().all_tiles().collect()
+        };
         Ok(Self {
             source,
             lights,
             groups: lit.chunks(longest).map(<[usize]>::to_vec).collect(),
-            tiles: field.blocks().all_tiles().collect(),
+            steps,
             next: 0,
             pictures: lights.iter().map(|_| Image::black(width, height)).collect(),
         })
@@ -73,7 +80,7 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
 
     /// Number of steps in all.
     pub fn steps(&self) -> usize {
-        self.tiles.len()
+        self.steps.len()
     }
 
     /// The relit pictures, one a light, in their order; black where not reached yet.
@@ -88,6 +95,30 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
     pub fn run(mut self) -> Result<Vec<Image<Radiance>>, RelightError> {
         self.by_ref().collect::<Result<(), RelightError>>()?;
         Ok(self.pictures)
+    }
+
+    fn relight_packed(&mut self, block: [usize; 2]) -> Result<(), RelightError> {
+        let field = self.source.field();
+        let lit: Vec<usize> = self.groups.iter().flatten().copied().collect();
+        let block = field.packed_block(block, |position| lit.binary_search(&position).is_ok())?;
+        let m = field.cells().squares();
+        let groups = relumine_field::packed::Groups::new(m);
+        let pixels = block.extent.pixels();
+        let width = field.picture_size().0;
+        for (light, picture) in self.lights.iter().zip(&mut self.pictures) {
+            let mut values = vec![0.0f64; 3 * pixels];
+            for position in lit.iter().filter(|position| !light.is_position_dark(**position)) {
+                let weights = &light.values()[position * m * m..][..m * m];
+                block.add_weighted(*position, &groups, weights, &mut values);
+            }
+            for (index, value) in values.into_iter().enumerate() {
+                let (channel, pixel) = (index / pixels, index % pixels);
+                let y = block.extent.rows.start + pixel / block.extent.columns.len();
+                let x = block.extent.columns.start + pixel % block.extent.columns.len();
+                picture.pixels_mut()[y * width + x][channel] = value as f32;
+            }
+        }
+        Ok(())
     }
 
     fn relight_tile(&mut self, tile: [usize; 2]) -> Result<(), RelightError> {
@@ -180,9 +211,9 @@ impl<S: TransferSource> Iterator for Relighting<'_, S> {
     type Item = Result<(), RelightError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let tile = *self.tiles.get(self.next)?;
+        let step = *self.steps.get(self.next)?;
         self.next += 1;
-        Some(self.relight_tile(tile))
+        Some(if self.source.field().is_packed() { self.relight_packed(step) } else { self.relight_tile(step) })
     }
 }
 

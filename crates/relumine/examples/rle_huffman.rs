@@ -111,6 +111,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let started = Instant::now();
     let arguments = Arguments::parse(std::env::args().skip(1))?;
     let field = ReflectanceField::open(&arguments.field)?;
+    if field.is_packed() {
+        return Err("the field is packed: a baseline begins with a lossless one".into());
+    }
     let lights: Vec<Coefficients> =
         arguments.lights.iter().map(|path| coefficients(path, &field)).collect::<Result<_, _>>()?;
     let truth = Truth::of(&field, &lights)?;

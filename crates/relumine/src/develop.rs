@@ -7,13 +7,15 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use relumine_capture::separation::{Method, Residual};
 use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Setup, Tile};
+use rayon::prelude::*;
+use relumine_field::packed::{Keep, Patches, Sketch};
 use relumine_field::{Blocks, Extent, FieldError, FieldWriter, Header, PositionRecord};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
-use crate::Error;
 use crate::queue::Queue;
+use crate::{Encoding, Error};
 
 /// How to develop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,13 +26,15 @@ pub struct DevelopOptions {
     pub black_level: Option<f64>,
     /// About how much memory photographs may take, bytes; at least one position is always developed.
     pub memory_bytes: usize,
+    /// How the field is encoded.
+    pub encoding: Encoding,
     /// Replace a field that is there already.
     pub replace: bool,
 }
 
 impl Default for DevelopOptions {
     fn default() -> Self {
-        Self { separation: Method::default(), black_level: None, memory_bytes: 1 << 30, replace: false }
+        Self { separation: Method::default(), black_level: None, memory_bytes: 1 << 30, encoding: Encoding::Lossless, replace: false }
     }
 }
 
@@ -108,6 +112,7 @@ pub struct Development {
     writer: FieldWriter,
     queue: Queue,
     already_done: Vec<PositionOutcome>,
+    encoding: Encoding,
 }
 
 impl Development {
@@ -134,12 +139,18 @@ impl Development {
             "noise": "root mean square of one photograph, radiance, in each position's report",
             "removed": "negative values; nothing else is cut off",
         });
-        let header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
+        let mut header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
+        header.packing = options.encoding.packing();
         let writer = FieldWriter::open(field, header, &input, options.replace)?;
         let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
         let position_bytes = developer.bytes_per_position(block_pixels(writer.blocks()));
         let together = (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads());
-        Ok(Self { capture: path, queue: Queue::new(waiting, together), already_done, developer, writer })
+        let (queue, encoding) = (Queue::new(waiting, together), options.encoding);
+        // Where a position is done once more, what was packed is packed once more.
+        if !queue.is_empty() {
+            writer.forget_blocks()?;
+        }
+        Ok(Self { capture: path, queue, already_done, developer, writer, encoding })
     }
 
     /// Bytes of memory that one position of a capture needs while it is developed with all threads.
@@ -180,7 +191,28 @@ impl Development {
             let first = losses.into_iter().next().unwrap_or_default();
             return Err(Error::NothingUsable { path: self.capture, first });
         }
+        self.pack(|| {})?;
         Ok(self.writer.finish()?)
+    }
+
+    /// Number of blocks that are left to pack when all positions are done; none of an unpacked field.
+    pub fn blocks_to_pack(&self) -> usize {
+        if self.encoding == Encoding::Lossless { 0 } else { self.writer.remaining_blocks().len() }
+    }
+
+    /// Packs the blocks that are left; tells `packed` of each. [`Development::finish`] does the same without telling.
+    ///
+    /// # Errors
+    /// If positions are left, or something cannot be written.
+    pub fn pack(&self, packed: impl Fn() + Sync) -> Result<(), Error> {
+        if self.encoding == Encoding::Lossless {
+            return Ok(());
+        }
+        self.writer.remaining_blocks().into_par_iter().with_max_len(1).try_for_each(|block| {
+            self.writer.pack_sketched(block)?;
+            packed();
+            Ok(())
+        })
     }
 
     fn develop(&self, position: usize) -> Result<PositionOutcome, Error> {
@@ -207,7 +239,19 @@ impl Development {
                 let block = developed.separate(extent.columns.clone(), extent.rows.clone());
                 (halves(&block, scale), (block.residual, block.residual_of_minimum))
             };
-            for (fitted, minimum) in self.writer.write_blocks(position, tile, separated)? {
+            let keep = self.encoding.packing().map(|packing| Keep::for_error(packing.error));
+            let residuals = match keep {
+                None => self.writer.write_blocks(position, tile, separated)?,
+                Some(keep) => {
+                    let squares = self.developer.capture().setup().cells().squares();
+                    self.writer.write_sketches(position, tile, |extent| {
+                        let (halves, residuals) = separated(extent);
+                        let patches = Patches::new(extent.rows.len(), extent.columns.len());
+                        (Sketch::new(&patches, squares, &halves, scale, &keep), residuals)
+                    })?
+                }
+            };
+            for (fitted, minimum) in residuals {
                 residual.add(fitted);
                 residual_of_minimum.add(minimum);
             }
@@ -233,8 +277,16 @@ impl Development {
     fn write_missing(&self, position: usize, losses: &[Loss]) -> Result<PositionRecord, Error> {
         let m2 = self.squares();
         for tile in self.writer.blocks().all_tiles() {
-            let values = vec![f16::ZERO; m2 * 3 * self.writer.blocks().tile_extent(tile).pixels()];
-            self.writer.write_tile(position, tile, &values)?;
+            match self.encoding {
+                Encoding::Lossless => {
+                    let values = vec![f16::ZERO; m2 * 3 * self.writer.blocks().tile_extent(tile).pixels()];
+                    self.writer.write_tile(position, tile, &values)?;
+                }
+                Encoding::Packed(_) => {
+                    let black = |extent: &Extent| (Sketch::black(&Patches::new(extent.rows.len(), extent.columns.len())), ());
+                    self.writer.write_sketches(position, tile, black)?;
+                }
+            }
         }
         let report = DevelopedReport::unmeasured(0, losses.iter().map(Loss::to_string).collect());
         Ok(PositionRecord { position, scale: 1.0, missing: (0..m2).collect(), report: json!(report) })

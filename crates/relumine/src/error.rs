@@ -51,6 +51,16 @@ pub enum Error {
         /// Why the first part of it could not be used.
         first: String,
     },
+    /// Fields, or a field and a capture, that do not belong together.
+    #[error("{}: {found}, but {expected} is what it is held against", path.display())]
+    NotAlike {
+        /// The field.
+        path: PathBuf,
+        /// What it is held against has.
+        expected: String,
+        /// What it has.
+        found: String,
+    },
     /// A list of lamps that cannot be.
     #[error("{}: {reason}", path.display())]
     LampList {
@@ -133,7 +143,7 @@ impl Error {
             ),
             Self::File(error) => !matches!(error, FileError::Write { .. }),
             Self::Scene(_) | Self::Light(_) | Self::NothingUsable { .. } | Self::LampList { .. } => true,
-            Self::Incident(_) | Self::Relight(_) | Self::Render(_) | Self::NeitherMosaicNorMap { .. } => false,
+            Self::Incident(_) | Self::Relight(_) | Self::NotAlike { .. } | Self::Render(_) | Self::NeitherMosaicNorMap { .. } => false,
         }
     }
 }

@@ -26,6 +26,7 @@
 //! # }
 //! ```
 
+mod against;
 mod check;
 mod develop;
 mod error;
@@ -35,6 +36,7 @@ mod pack;
 mod queue;
 mod scene_field;
 
+pub use against::{TestLight, differences, test_lights};
 pub use check::CaptureCheck;
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
 pub use error::Error;

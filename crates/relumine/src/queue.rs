@@ -21,6 +21,11 @@ impl Queue {
         Self { together, waiting, ..Self::default() }
     }
 
+    /// Whether nothing waits and nothing is ready.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.waiting.is_empty() && self.ready.is_empty()
+    }
+
     /// The next position that is done; after a failure nothing more is begun.
     pub(crate) fn next(
         &mut self,

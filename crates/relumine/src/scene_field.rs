@@ -1,31 +1,54 @@
 //! The field of a virtual scene, without photographs: its transfer in one pass, tile by tile into the store.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::sync::Mutex;
 
 use half::f16;
-use relumine_basis::{Cells, Reach};
+use rayon::prelude::*;
+use relumine_basis::{Cells, Coefficients, Reach};
+use relumine_field::packed::{Keep, Patches, Sketch};
 use relumine_field::{Extent, FieldError, FieldWriter, Header, PositionRecord};
+use relumine_radiometry::{Image, Radiance};
 use relumine_tracer::{Lantern, PathOptions, Paths, Scene};
 use serde_json::json;
 
-use crate::{DevelopedReport, Error};
+use crate::{DevelopedReport, Encoding, Error};
 
-/// A field under way: an iterator over tiles and positions, so that the caller shows progress. Memory holds the paths of one
-/// tile ([`Paths::most_bytes`] of at most 256 × 256 pixels) and one block of one position a thread. Stopped, it begins again.
+/// A field under way: an iterator over steps, so that the caller shows progress. Memory holds the paths of one tile
+/// ([`Paths::most_bytes`] of at most 256 × 256 pixels) and one block a thread: of one position, or if the field is packed of
+/// all. Stopped, an unpacked field begins again; a packed one goes on where it was.
 pub struct SceneField {
     scene: Scene,
     cells: Cells,
     options: PathOptions,
+    encoding: Encoding,
     writer: FieldWriter,
     scales: Vec<f32>,
-    tiles: Vec<[usize; 2]>,
-    next: (usize, usize),
-    paths: Option<Paths>,
+    /// What is left to do, tile by tile.
+    left: VecDeque<Step>,
+    steps: usize,
+    failed: bool,
+    paths: Option<([usize; 2], Paths)>,
     connections: u64,
     /// Pixels whose transfer was beyond the range of halves, by position.
     clipped: Mutex<BTreeMap<usize, Vec<u8>>>,
+    witnesses: Vec<Witness>,
+}
+
+/// What can be done at once, of one tile.
+#[derive(Clone, Debug)]
+enum Step {
+    /// A position of an unpacked field.
+    Position([usize; 2], usize),
+    /// A few blocks of a packed field, all positions.
+    Blocks([usize; 2], Vec<[usize; 2]>),
+}
+
+/// A light, and what it shows of the field before it is stored.
+struct Witness {
+    light: Coefficients,
+    picture: Mutex<Image<Radiance>>,
 }
 
 impl SceneField {
@@ -38,6 +61,7 @@ impl SceneField {
         cells: &Cells,
         path: &Path,
         options: PathOptions,
+        encoding: Encoding,
         input: &str,
         replace: bool,
     ) -> Result<Self, Error> {
@@ -50,19 +74,71 @@ impl SceneField {
             "seed": options.seed,
             "removed": "nothing",
         });
-        let header = Header::new(cells, [width, height], None, made);
+        let mut header = Header::new(cells, [width, height], None, made);
+        header.packing = encoding.packing();
         // The same cells, to keep.
         let cells = header.cells().map_err(|source| FieldError::Geometry { path: path.to_path_buf(), source })?;
         let writer = FieldWriter::open(path, header, input, replace)?;
         let scales = (0..cells.positions()).map(|position| scale(&cells, position)).collect();
-        let tiles = writer.blocks().all_tiles().collect();
-        let clipped = Mutex::default();
-        Ok(Self { scene, cells, options, writer, scales, tiles, next: (0, 0), paths: None, connections: 0, clipped })
+        let blocks = writer.blocks();
+        let left: VecDeque<Step> = match encoding {
+            Encoding::Lossless => blocks
+                .all_tiles()
+                .flat_map(|tile| (0..cells.positions()).map(move |position| Step::Position(tile, position)))
+                .collect(),
+            Encoding::Packed(_) => {
+                let remaining = writer.remaining_blocks();
+                let of_tile = |tile: [usize; 2]| -> Vec<[usize; 2]> {
+                    remaining.iter().filter(|block| blocks.tile_of(**block).0 == tile).copied().collect()
+                };
+                // No more blocks at once than threads: each holds the sketches of all positions.
+                let together = rayon::current_num_threads();
+                let steps = |tile| {
+                    let blocks = of_tile(tile);
+                    blocks.chunks(together).map(|some| Step::Blocks(tile, some.to_vec())).collect::<Vec<_>>()
+                };
+                blocks.all_tiles().flat_map(steps).collect()
+            }
+        };
+        let (steps, clipped) = (left.len(), Mutex::default());
+        Ok(Self {
+            scene,
+            cells,
+            options,
+            encoding,
+            writer,
+            scales,
+            left,
+            steps,
+            failed: false,
+            paths: None,
+            connections: 0,
+            clipped,
+            witnesses: Vec::new(),
+        })
+    }
+
+    /// Also sums what each of these lights shows, from transfers as they are before they are stored: to judge the store by.
+    #[must_use]
+    pub fn witnessed_by(mut self, lights: &[Coefficients]) -> Self {
+        let (width, height) = self.scene.picture_size();
+        let witness =
+            |light: &Coefficients| Witness { light: light.clone(), picture: Mutex::new(Image::black(width, height)) };
+        self.witnesses = lights.iter().map(witness).collect();
+        self
+    }
+
+    /// What the lights given to [`SceneField::witnessed_by`] show of the steps taken so far.
+    pub fn witnessed(&self) -> Vec<Image<Radiance>> {
+        let lock = |witness: &Witness| {
+            witness.picture.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
+        };
+        self.witnesses.iter().map(lock).collect()
     }
 
     /// Number of steps in all.
     pub fn steps(&self) -> usize {
-        self.tiles.len() * self.cells.positions()
+        self.steps
     }
 
     /// Vertices connected with positions so far.
@@ -77,7 +153,7 @@ impl SceneField {
     pub fn finish(self) -> Result<(), Error> {
         let (width, height) = self.scene.picture_size();
         let clipped = self.clipped.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if self.next.0 == self.tiles.len() {
+        if self.left.is_empty() && !self.failed {
             for (position, scale) in self.scales.iter().enumerate() {
                 let counts = clipped.get(&position).cloned().unwrap_or_else(|| vec![0; width * height]);
                 let pixels = counts.iter().filter(|count| **count > 0).count();
@@ -89,29 +165,67 @@ impl SceneField {
         Ok(self.writer.finish()?)
     }
 
-    fn write(&self, paths: &Paths, tile: [usize; 2], position: usize) -> Result<(), Error> {
+    fn write(&self, paths: &Paths, step: &Step) -> Result<(), Error> {
+        match step {
+            Step::Position(tile, position) => {
+                let block = |extent: &Extent| (self.halves(paths, *position, extent), ());
+                self.writer.write_blocks(*position, *tile, block)?;
+            }
+            Step::Blocks(_, blocks) => {
+                blocks.par_iter().map(|block| self.write_packed(paths, *block)).collect::<Result<(), Error>>()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_packed(&self, paths: &Paths, block: [usize; 2]) -> Result<(), Error> {
+        let Encoding::Packed(error) = self.encoding else { return Ok(()) };
+        let extent = self.writer.blocks().block_extent(block);
+        let patches = Patches::new(extent.rows.len(), extent.columns.len());
+        let (keep, m) = (Keep::for_error(error), self.cells.squares());
+        let sketch = |position: usize| {
+            Sketch::new(&patches, m, &self.halves(paths, position, &extent), self.scales[position], &keep)
+        };
+        let sketches: Vec<Sketch> = (0..self.cells.positions()).map(sketch).collect();
+        self.writer.write_packed(block, &sketches)?;
+        Ok(())
+    }
+
+    /// The transfers of all squares of a position over its scale, `[square][channel][row][column]`.
+    fn halves(&self, paths: &Paths, position: usize, extent: &Extent) -> Vec<f16> {
         let lantern = Lantern::of_cells(&self.cells, position);
         let m2 = lantern.squares();
         let per_radiance: Vec<f32> = (0..m2)
             .map(|square| (transfer_per_radiance(&self.cells, position * m2 + square) as f32) / self.scales[position])
             .collect();
-        let block = |extent: &Extent| {
-            let pixels = extent.pixels();
-            let mut values = vec![f16::ZERO; 3 * m2 * pixels];
-            for share in paths.under(&self.scene, &lantern, extent.columns.clone(), extent.rows.clone()) {
+        let pixels = extent.pixels();
+        let mut values = vec![f16::ZERO; 3 * m2 * pixels];
+        let shares = paths.under(&self.scene, &lantern, extent.columns.clone(), extent.rows.clone());
+        for share in &shares {
+            let (square, pixel) = (share.square as usize, share.pixel as usize);
+            for (channel, radiance) in share.radiance.iter().enumerate() {
+                let value = radiance * per_radiance[square];
+                if value > f16::MAX.to_f32() {
+                    self.mark_clipped(position, extent, pixel);
+                }
+                values[(3 * square + channel) * pixels + pixel] = f16::from_f32(value.min(f16::MAX.to_f32()));
+            }
+        }
+        for witness in &self.witnesses {
+            let lit = &witness.light.values()[position * m2..][..m2];
+            let mut picture = witness.picture.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let width = picture.width();
+            for share in &shares {
                 let (square, pixel) = (share.square as usize, share.pixel as usize);
-                for (channel, radiance) in share.radiance.iter().enumerate() {
-                    let value = radiance * per_radiance[square];
-                    if value > f16::MAX.to_f32() {
-                        self.mark_clipped(position, extent, pixel);
-                    }
-                    values[(3 * square + channel) * pixels + pixel] = f16::from_f32(value.min(f16::MAX.to_f32()));
+                let (y, x) = (extent.rows.start + pixel / extent.columns.len(), extent.columns.start + pixel % extent.columns.len());
+                let sum = &mut picture.pixels_mut()[y * width + x];
+                for channel in 0..3 {
+                    let transfer = share.radiance[channel] * per_radiance[square] * self.scales[position];
+                    sum[channel] += lit[square][channel] * transfer;
                 }
             }
-            (values, ())
-        };
-        self.writer.write_blocks(position, tile, block)?;
-        Ok(())
+        }
+        values
     }
 
     fn mark_clipped(&self, position: usize, extent: &Extent, pixel: usize) {
@@ -128,23 +242,30 @@ impl Iterator for SceneField {
     type Item = Result<(), Error>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let (tile_index, position) = self.next;
-        let tile = *self.tiles.get(tile_index)?;
-        let paths = self.paths.take().unwrap_or_else(|| {
+        if self.failed {
+            return None;
+        }
+        let step = self.left.pop_front()?;
+        let (Step::Position(tile, _) | Step::Blocks(tile, _)) = step;
+        if self.paths.as_ref().is_none_or(|(traced, _)| *traced != tile) {
+            self.paths = None;
             let extent = self.writer.blocks().tile_extent(tile);
-            Paths::trace(&self.scene, extent.columns, extent.rows, &self.options)
-        });
-        if let Err(error) = self.write(&paths, tile, position) {
-            self.next = (self.tiles.len() + 1, 0);
+            self.paths = Some((tile, Paths::trace(&self.scene, extent.columns, extent.rows, &self.options)));
+        }
+        let (_, paths) = self.paths.as_ref()?;
+        if let Err(error) = self.write(paths, &step) {
+            self.failed = true;
             return Some(Err(error));
         }
-        self.connections += paths.vertices() as u64;
-        self.next = (tile_index, position + 1);
-        if self.next.1 == self.cells.positions() {
-            self.next = (tile_index + 1, 0);
-        } else {
-            self.paths = Some(paths);
-        }
+        self.connections += match step {
+            Step::Position(..) => paths.vertices() as u64,
+            // The tile's vertices, shared out over its blocks.
+            Step::Blocks(tile, blocks) => {
+                let all = self.writer.blocks().tile_extent(tile).pixels();
+                let some: usize = blocks.iter().map(|block| self.writer.blocks().block_extent(*block).pixels()).sum();
+                (paths.vertices() as f64 * some as f64 / all as f64) as u64 * self.cells.positions() as u64
+            }
+        };
         Some(Ok(()))
     }
 }

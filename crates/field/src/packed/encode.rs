@@ -7,12 +7,12 @@ use crate::packed::sketch::{PatchSketch, QUARTERS, quarter, quarter_sizes};
 use crate::packed::{Groups, Kept};
 
 /// A square is kept by itself if it shows more than this share of the error, as norms over a patch.
-pub(crate) const SQUARE_SHARE: f64 = 0.5;
+pub(crate) const SQUARE_SHARE: f64 = 1.0;
 
 /// Quantisation errors over the error: of the whole, of squares, of groups.
-const OF_WHOLE: f64 = 0.4;
-const OF_SQUARE: f64 = 0.35;
-const OF_GROUP: f64 = 0.25;
+const OF_WHOLE: f64 = 0.6;
+const OF_SQUARE: f64 = 0.8;
+const OF_GROUP: f64 = 0.2;
 
 /// The basis may leave this share of the error.
 const OF_BASIS: f64 = 0.5;
@@ -193,34 +193,46 @@ impl Coder {
     /// Codes `values` to about `error`; leaves what is lost.
     fn code(&self, id: u16, values: &mut [f32], error: f64) -> OwnedAtom {
         let exact: Vec<f32> = self.basis.units.iter().map(|unit| dot(unit, values)).collect();
-        let exponent = self.exponent(&exact, error);
-        let mut coefficients = vec![0i8; exact.len()];
-        for (component, unit) in self.basis.units.iter().enumerate() {
-            let step = self.steps[component] * ((exponent - EXPONENT) as f32).exp2();
-            let coefficient = quantise(dot(unit, values) / step);
-            if coefficient != 0 {
-                let value = f32::from(coefficient) * step;
+        let (length, exponent) = self.shape(&exact, error);
+        let scale = ((exponent - EXPONENT) as f32).exp2();
+        let mut coefficients = vec![0i8; length];
+        for (component, (coefficient, unit)) in coefficients.iter_mut().zip(&self.basis.units).enumerate() {
+            let step = self.steps[component] * scale;
+            *coefficient = quantise(dot(unit, values) / step);
+            if *coefficient != 0 {
+                let value = f32::from(*coefficient) * step;
                 values.iter_mut().zip(unit).for_each(|(left, unit)| *left -= value * unit);
             }
-            coefficients[component] = coefficient;
         }
         atom(id, exponent, coefficients)
     }
 
     /// Codes coefficients along the first components.
     fn code_coefficients(&self, id: u16, exact: &[f32], error: f64) -> OwnedAtom {
-        let exponent = self.exponent(exact, error);
+        let (length, exponent) = self.shape(exact, error);
         let scale = ((exponent - EXPONENT) as f32).exp2();
-        atom(id, exponent, exact.iter().zip(&self.steps).map(|(value, step)| quantise(value / (step * scale))).collect())
+        let coefficients = exact[..length].iter().zip(&self.steps).map(|(value, step)| quantise(value / (step * scale)));
+        atom(id, exponent, coefficients.collect())
     }
 
-    /// The largest exponent that keeps to the error, or the smallest at which all coefficients fit if that is larger.
-    fn exponent(&self, exact: &[f32], error: f64) -> i32 {
-        let over = exact.iter().zip(&self.steps).fold(0.0f32, |over, (value, step)| over.max(value.abs() / (127.0 * step)));
+    /// How many coefficients to keep, and their exponent: half of the error, as power, may be in what is left off, half in
+    /// what is quantised. The exponent is larger if they would not fit otherwise.
+    fn shape(&self, exact: &[f32], error: f64) -> (usize, i32) {
+        let power = error * error / 2.0;
+        let mut length = exact.len();
+        let mut left = 0.0;
+        while length > 0 {
+            left += f64::from(exact[length - 1]).powi(2);
+            if left > power {
+                break;
+            }
+            length -= 1;
+        }
+        let over = exact[..length].iter().zip(&self.steps).fold(0.0f32, |over, (value, step)| over.max(value.abs() / (127.0 * step)));
         let fits = if over > 0.0 { over.log2().ceil() as i32 } else { i32::MIN / 2 };
-        let fine = (error * error / self.noise[exact.len()].max(f64::MIN_POSITIVE)).log2() / 2.0;
+        let fine = (power / self.noise[length].max(f64::MIN_POSITIVE)).log2() / 2.0;
         let most = i32::from(crate::packed::Atoms::EXPONENTS) - 1;
-        (fits.max(fine.floor().clamp(-100.0, 100.0) as i32) + EXPONENT).clamp(0, most)
+        (length, (fits.max(fine.floor().clamp(-100.0, 100.0) as i32) + EXPONENT).clamp(0, most))
     }
 
     fn decode(&self, atom: &OwnedAtom, weight: f32) -> Vec<f32> {

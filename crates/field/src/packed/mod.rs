@@ -19,6 +19,7 @@ mod encode;
 mod kept;
 mod patches;
 mod sketch;
+pub(crate) mod sketched;
 pub(crate) mod store;
 
 pub use atoms::{Atom, Atoms, POSITIONS_A_CHUNK};

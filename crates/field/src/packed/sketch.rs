@@ -52,6 +52,11 @@ pub(crate) fn quarter(row: usize, height: usize, column: usize, width: usize) ->
 }
 
 impl Sketch {
+    /// Of a position that shows nothing.
+    pub fn black(patches: &Patches) -> Self {
+        Self { patches: vec![PatchSketch::default(); patches.len()] }
+    }
+
     /// About the most bytes of a sketch of a block of so many pixels.
     pub fn most_bytes(pixels: usize) -> usize {
         // Every patch full of strong squares is not to be expected: a third of the most.

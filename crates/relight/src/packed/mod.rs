@@ -20,6 +20,8 @@ mod resident;
 mod rows;
 mod stream;
 mod sum;
+#[cfg(test)]
+mod synthetic;
 mod weights;
 
 pub use block::ResidentBlock;

@@ -30,11 +30,12 @@ pub(crate) enum Coding {
 
 impl Coding {
     /// All that are tried: the fewer levels, the more often the same byte.
-    pub(crate) const ALL: [Self; 5] = [
+    pub(crate) const ALL: [Self; 6] = [
         Self::Rgbe,
         Self::Root { levels: 255 },
         Self::Root { levels: 127 },
         Self::Root { levels: 63 },
+        Self::Root { levels: 55 },
         Self::Root { levels: 31 },
     ];
 

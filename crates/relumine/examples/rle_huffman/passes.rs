@@ -45,7 +45,7 @@ pub(crate) fn pass<L: Listener>(field: &ReflectanceField, floor: f32, listeners:
                             path: field.path().to_path_buf(),
                             source: std::io::Error::new(source.kind(), source.to_string()),
                         })?;
-                        room.read(field, &shards, position, square)?;
+                        room.read(field, &shards, square)?;
                         Ok(room.picture(field.scale(position), floor))
                     },
                 )
@@ -74,14 +74,7 @@ impl Room {
     }
 
     /// Puts the blocks of a square together.
-    fn read(
-        &mut self,
-        field: &ReflectanceField,
-        shards: &[Shard],
-        position: usize,
-        square: usize,
-    ) -> Result<(), FieldError> {
-        debug_assert!(position < field.cells().positions());
+    fn read(&mut self, field: &ReflectanceField, shards: &[Shard], square: usize) -> Result<(), FieldError> {
         let (width, height) = field.picture_size();
         let blocks = field.blocks();
         let ([block_height, block_width], [down, across]) = (blocks.block(), blocks.blocks_per_tile());

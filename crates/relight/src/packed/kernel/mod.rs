@@ -5,6 +5,8 @@
 
 mod generic;
 mod lanes;
+#[cfg(test)]
+mod tests;
 
 use relumine_field::packed::Patches;
 
