@@ -6,7 +6,7 @@ use clap::Args;
 use relumine::radiometry::files::{self, ExrSample};
 use relumine::radiometry::{Encoded, Image};
 use relumine::tracer::Rendered;
-use relumine::{Capture, Encoding, Light, Encoding, PathOptions, Rendering, Rig, Scene, SceneField};
+use relumine::{Capture, Encoding, Light, PathOptions, Rendering, Rig, Scene, SceneField};
 
 use crate::failure::Failure;
 use crate::output::{DisplayArguments, PictureFormat, refuse_existing, write_picture};

@@ -306,6 +306,13 @@ fn full_scale() {
     show("reading as many bytes", time(20, || assert!(read().sum::<u64>() > 0)));
     let mut picture = Image::black(1440, 960);
     let all = light(&noisy, 1, 1);
+    if let Ok(n) = std::env::var("ONLY") {
+        let mut some = all.clone();
+        let n: usize = n.parse().unwrap();
+        some.values_mut()[n * 256..].fill([0.0; 3]);
+        show("only", time(if n > 100 { 100 } else { 1000 }, || field.relight_into(&some, &mut picture).unwrap()));
+        return;
+    }
     show("weights of all", time(20, || drop(field.weights(&all).unwrap())));
     show("all cells", time(20, || field.relight_into(&all, &mut picture).unwrap()));
     show("all cells, another picture", time(20, || drop(field.relight(&all).unwrap())));
@@ -342,7 +349,7 @@ fn full_scale() {
         println!("    {update:?}, relative L2 {:e}", error(incremental.picture(), &field.relight(&light).unwrap()));
     }
     let mut progressive = field.progressive(&all).unwrap();
-    show("the coarse picture", time(1, || drop(progressive.next())));
+    show("the coarse picture", time(1, || assert!(progressive.next().is_some())));
     let coarse = progressive.picture().clone();
     show("the rest", time(1, || progressive.by_ref().for_each(drop)));
     println!("    the coarse picture: relative L2 {:.3}", error(&coarse, progressive.picture()));

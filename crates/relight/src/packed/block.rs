@@ -99,8 +99,8 @@ pub(crate) struct Segment<'a> {
     pub(crate) tail_atoms: &'a [u8],
     pub(crate) tail_slots: &'a [u8],
     pub(crate) tail_coefficients: &'a [u8],
-    /// All of it.
-    pub(crate) bytes: &'a [u8],
+    /// What will be read next.
+    pub(crate) ahead: &'a [u8],
 }
 
 impl Segment<'_> {
@@ -150,11 +150,16 @@ impl ResidentBlock {
         (&self.basis[components.start * 3 * PIXELS..components.end * 3 * PIXELS], &self.steps[components])
     }
 
+    /// The bytes of the atoms of a position; none if they were not read.
+    pub(crate) fn bytes_of(&self, position: usize) -> &[u8] {
+        let place = self.places.get(position).copied().flatten().unwrap_or_default();
+        &self.bytes[place.start as usize..][..place.length()]
+    }
+
     /// The atoms of a position; `None` if they were not read.
     pub(crate) fn segment(&self, position: usize) -> Option<Segment<'_>> {
         let place = self.places.get(position)?.as_ref()?;
-        let all = &self.bytes[place.start as usize..][..place.length()];
-        let mut rest = all;
+        let mut rest = &self.bytes[place.start as usize..];
         let [
             runs,
             slots,
@@ -186,7 +191,7 @@ impl ResidentBlock {
             tail_atoms,
             tail_slots,
             tail_coefficients,
-            bytes: all,
+            ahead: &[],
         })
     }
 }

@@ -1,7 +1,7 @@
 //! The sum over one block: v of its patches, then their pixels.
 
 use crate::packed::ResidentBlock;
-use crate::packed::block::{COMPONENTS, PIXELS, Slot};
+use crate::packed::block::{COMPONENTS, PIXELS, Segment, Slot};
 use crate::packed::kernel::Kernel;
 use crate::packed::weights::{LightWeights, Row};
 
@@ -21,6 +21,7 @@ impl Summing {
     pub(crate) fn sum(&mut self, kernel: &Kernel, block: &ResidentBlock, light: &LightWeights) -> &[Slot] {
         let ids = block.ids();
         clear(&mut self.sums, block.number_of_slots());
+        let mut next = light.lit().skip(1);
         let together = if light.lit().len() <= TOGETHER { None } else { Some(TOGETHER) };
         for (index, (lit, table)) in light.tables().enumerate() {
             let to = match together {
@@ -33,7 +34,9 @@ impl Summing {
                     &mut self.partial
                 }
             };
+            let ahead = next.next().map_or(&[][..], |position| block.bytes_of(position));
             if let Some(segment) = block.segment(lit.position) {
+                let segment = Segment { ahead, ..segment };
                 kernel.add((&segment, ids), (table, lit.sparse), &mut self.weights, to);
             }
         }
@@ -99,7 +102,8 @@ pub(crate) fn write_patch(
     let components = components(slots).min(basis.1.len());
     let mut pixels = [[0.0; 3]; PIXELS];
     if components > 0 {
-        kernel.pixels(basis, slots, components, &mut pixels);
+        let ahead = if patch + 1 < block.patches.len() { block.basis_of(patch + 1).0 } else { &[] };
+        kernel.pixels(basis, ahead, slots, components, &mut pixels);
     }
     for (row, from) in block_rows[rows].iter_mut().zip(pixels.as_chunks::<8>().0) {
         let to = &mut row[columns.clone()];

@@ -4,11 +4,11 @@ use relumine_field::Extent;
 use relumine_field::packed::{Atoms, Groups, POSITIONS_A_CHUNK, PackedBlock, Patches};
 
 /// Random numbers of one seed.
-pub struct Noise(pub u64);
+pub(crate) struct Noise(pub(crate) u64);
 
 impl Noise {
     /// 64 random bits.
-    pub fn bits(&mut self) -> u64 {
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -17,19 +17,19 @@ impl Noise {
     }
 
     /// A number from `from` to `to`, both possible.
-    pub fn within(&mut self, from: usize, to: usize) -> usize {
+    pub(crate) fn within(&mut self, from: usize, to: usize) -> usize {
         from + (self.bits() >> 33) as usize % (to - from + 1)
     }
 
     /// From 0 to 1.
-    pub fn unit(&mut self) -> f32 {
+    pub(crate) fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1u64 << 24) as f32
     }
 }
 
 /// What atoms a field of noise has.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// As in a field of a scene: a patch is lit through a square that follows from where it lies and from those beside it.
     Scene,
     /// Any atoms of any lengths, and lists without any.
@@ -38,18 +38,18 @@ pub enum Kind {
 
 /// A packed field of noise.
 #[derive(Clone, Copy)]
-pub struct Noisy {
-    pub picture: [usize; 2],
-    pub positions: usize,
-    pub squares: usize,
+pub(crate) struct Noisy {
+    pub(crate) picture: [usize; 2],
+    pub(crate) positions: usize,
+    pub(crate) squares: usize,
     /// Components of the bases, shortest and longest.
-    pub rank: [usize; 2],
-    pub kind: Kind,
+    pub(crate) rank: [usize; 2],
+    pub(crate) kind: Kind,
 }
 
 impl Noisy {
     /// The blocks of at most 64 × 60 pixels, row-major.
-    pub fn extents(&self) -> Vec<Extent> {
+    pub(crate) fn extents(&self) -> Vec<Extent> {
         let [width, height] = self.picture;
         let cut = |length: usize, part: usize| {
             (0..length.div_ceil(part)).map(move |i| i * part..(i * part + part).min(length))
@@ -60,12 +60,12 @@ impl Noisy {
     }
 
     /// All blocks.
-    pub fn blocks(&self, seed: u64) -> Vec<PackedBlock> {
+    pub(crate) fn blocks(&self, seed: u64) -> Vec<PackedBlock> {
         self.extents().into_iter().map(|extent| self.block(extent, seed)).collect()
     }
 
     /// One block.
-    pub fn block(&self, extent: Extent, seed: u64) -> PackedBlock {
+    pub(crate) fn block(&self, extent: Extent, seed: u64) -> PackedBlock {
         let start = (extent.rows.start * self.picture[0] + extent.columns.start) as u64;
         let mut noise = Noise(seed.wrapping_mul(0x1234_5678_9abc_def1).wrapping_add(start << 20));
         let patches = Patches::new(extent.rows.len(), extent.columns.len());

@@ -1,6 +1,7 @@
 //! The loops, over lanes of any width.
 #![allow(unsafe_code)]
 
+use super::lanes::prefetch;
 use super::{Lanes, PIXELS, Row, Segment, Slot};
 use crate::packed::block::COMPONENTS;
 
@@ -26,19 +27,19 @@ unsafe fn word(bytes: &[u8], index: usize) -> usize {
     u16::from_le(unsafe { bytes.as_ptr().cast::<u16>().add(index).read_unaligned() }).into()
 }
 
-/// 2^exponent · (row of the table − `from`).
+/// The row of the table for the `index`-th atom, and 2^exponent.
 ///
 /// # Safety
 /// There must be an `index`-th id and exponent, and a row of that id.
 #[inline(always)]
-unsafe fn weight((ids, exponents): (&[u8], &[u8]), index: usize, table: &[Row], from: [f32; 4]) -> [f32; 4] {
+unsafe fn row<L: Lanes>((ids, exponents): (&[u8], &[u8]), index: usize, table: &[Row]) -> (L::Four, f32) {
     // SAFETY: the caller's; exponents are below 32.
-    let (row, power) = unsafe {
+    unsafe {
         let id = word(ids, index);
         debug_assert!(id < table.len() && exponents[index] < 32);
-        (table.get_unchecked(id).0, *POWERS.get_unchecked(usize::from(*exponents.get_unchecked(index))))
-    };
-    [0, 1, 2, 3].map(|channel| (row[channel] - from[channel]) * power)
+        let power = POWERS.get_unchecked(usize::from(*exponents.get_unchecked(index)));
+        (L::load_four(table.get_unchecked(id)), *power)
+    }
 }
 
 /// Eight coefficients of the `index`-th atom or tail.
@@ -70,9 +71,9 @@ unsafe fn times<L: Lanes>(weight: &Row, coefficients: L) -> [L; 3] {
 /// # Safety
 /// There must be one.
 #[inline(always)]
-unsafe fn term<L: Lanes>(weights: &[Row], bytes: &[u8], index: usize) -> [L; 3] {
+unsafe fn product<L: Lanes>(bytes: &[u8], (weight, index): (&Row, usize)) -> [L; 3] {
     // SAFETY: the caller's.
-    unsafe { times(weights.get_unchecked(index), coefficients(bytes, index)) }
+    unsafe { times(weight, coefficients(bytes, index)) }
 }
 
 /// a + b by channel.
@@ -105,47 +106,27 @@ pub(super) unsafe fn add<L: Lanes, const SPARSE: bool>(
     weights: &mut [Row],
     slots: &mut [Slot],
 ) {
-    let (of_wholes, of_others) = weights[..segment.atoms()].split_at_mut(segment.lists);
-    let (mut whole, mut first) = (0, 0);
+    let (mut whole, mut other) = (0, 0);
+    let ahead = segment.ahead.len().div_ceil(segment.lists.max(1));
     // SAFETY: the runs count the lists and others of the segment; the rest is the caller's.
     unsafe {
         for run in segment.runs.chunks_exact(4) {
-            let (lists, others) = (word(run, 0), word(run, 1));
-            for _ in 0..lists {
-                let radiance = weight((segment.whole_ids, segment.whole_exponents), whole, table, [0.0; 4]);
-                let main = table.get_unchecked(word(segment.whole_ids, whole)).0;
-                *of_wholes.get_unchecked_mut(whole) = Row(radiance);
-                let mut lit = radiance.map(f32::to_bits);
-                for other in first..first + others {
-                    let difference = weight((segment.ids, segment.exponents), other, table, main);
-                    *of_others.get_unchecked_mut(other) = Row(difference);
-                    if SPARSE {
-                        (0..4).for_each(|channel| lit[channel] |= difference[channel].to_bits());
-                    }
-                }
-                if !SPARSE || (lit[0] | lit[1] | lit[2]) << 1 != 0 {
-                    let mut even: [L; 3] = term(of_wholes, segment.whole_coefficients, whole);
-                    if others > 0 {
-                        let bytes = segment.coefficients;
-                        let mut odd = term(of_others, bytes, first);
-                        let mut other = first + 1;
-                        while other + 1 < first + others {
-                            even = plus(even, term(of_others, bytes, other));
-                            odd = plus(odd, term(of_others, bytes, other + 1));
-                            other += 2;
-                        }
-                        if other < first + others {
-                            even = plus(even, term(of_others, bytes, other));
-                        }
-                        even = plus(even, odd);
-                    }
-                    let slot = word(segment.slots, whole);
-                    debug_assert!(slot < slots.len());
-                    add_to(slots.get_unchecked_mut(slot), even);
-                }
-                whole += 1;
-                first += others;
+            let run = Run { lists: word(run, 0), others: word(run, 1), whole, other, ahead };
+            // Loops of known length for the lengths that lists mostly have.
+            match run.others {
+                0 => add_run::<L, SPARSE, 0>(segment, &run, table, weights, slots),
+                1 => add_run::<L, SPARSE, 1>(segment, &run, table, weights, slots),
+                2 => add_run::<L, SPARSE, 2>(segment, &run, table, weights, slots),
+                3 => add_run::<L, SPARSE, 3>(segment, &run, table, weights, slots),
+                4 => add_run::<L, SPARSE, 4>(segment, &run, table, weights, slots),
+                5 => add_run::<L, SPARSE, 5>(segment, &run, table, weights, slots),
+                6 => add_run::<L, SPARSE, 6>(segment, &run, table, weights, slots),
+                7 => add_run::<L, SPARSE, 7>(segment, &run, table, weights, slots),
+                8 => add_run::<L, SPARSE, 8>(segment, &run, table, weights, slots),
+                _ => add_run::<L, SPARSE, ANY>(segment, &run, table, weights, slots),
             }
+            whole += run.lists;
+            other += run.lists * run.others;
         }
         for tail in 0..segment.tails {
             let weight = weights.get_unchecked(word(segment.tail_atoms, tail));
@@ -153,6 +134,88 @@ pub(super) unsafe fn add<L: Lanes, const SPARSE: bool>(
             debug_assert!(slot < slots.len());
             let more = times(weight, coefficients::<L>(segment.tail_coefficients, tail));
             add_to(slots.get_unchecked_mut(slot), more);
+        }
+    }
+}
+
+/// Lists of one length.
+struct Run {
+    lists: usize,
+    /// Atoms of each list besides the whole.
+    others: usize,
+    /// The first whole and the first other atom.
+    whole: usize,
+    other: usize,
+    /// Bytes to ask for in advance by each list.
+    ahead: usize,
+}
+
+/// Stands for any number of others.
+const ANY: usize = usize::MAX;
+
+/// Adds the first coefficients of the atoms of a run whose lists have `OTHERS` others, and sets their weights.
+///
+/// # Safety
+/// As [`add`], and the segment must have the run.
+#[inline(always)]
+unsafe fn add_run<L: Lanes, const SPARSE: bool, const OTHERS: usize>(
+    segment: &Segment<'_>,
+    run: &Run,
+    table: &[Row],
+    weights: &mut [Row],
+    slots: &mut [Slot],
+) {
+    let others = if OTHERS == ANY { run.others } else { OTHERS };
+    // SAFETY: the caller's; wholes come before the others.
+    unsafe {
+        let of_wholes = weights.as_mut_ptr();
+        let of_others = of_wholes.add(segment.lists);
+        // All weights first: what follows then reads each of them into all lanes at once.
+        let mut first = run.other;
+        for whole in run.whole..run.whole + run.lists {
+            prefetch(segment.ahead.as_ptr().wrapping_add(whole * run.ahead));
+            let (main, power) = row::<L>((segment.whole_ids, segment.whole_exponents), whole, table);
+            let weight = L::scale_four(main, power);
+            let mut lit = weight;
+            for other in first..first + others {
+                let (radiance, power) = row::<L>((segment.ids, segment.exponents), other, table);
+                let weight = L::scale_four(L::less_four(radiance, main), power);
+                L::store_four(weight, &mut *of_others.add(other));
+                if SPARSE {
+                    lit = L::or_four(lit, weight);
+                }
+            }
+            L::store_four(weight, &mut *of_wholes.add(whole));
+            if SPARSE {
+                // The lane that is no channel says whether anything in the list is lit.
+                (*of_wholes.add(whole)).0[3] = if L::is_zero_four(lit) { 0.0 } else { 1.0 };
+            }
+            first += others;
+        }
+        let mut first = run.other;
+        for whole in run.whole..run.whole + run.lists {
+            prefetch(segment.ahead.as_ptr().wrapping_add(whole * run.ahead + run.ahead / 2));
+            let weight = &*of_wholes.add(whole);
+            if !SPARSE || weight.0[3] != 0.0 {
+                let mut even: [L; 3] = times(weight, coefficients(segment.whole_coefficients, whole));
+                if others > 0 {
+                    let mut odd = product(segment.coefficients, (&*of_others.add(first), first));
+                    for index in 1..others {
+                        let other = first + index;
+                        let more = product(segment.coefficients, (&*of_others.add(other), other));
+                        if index % 2 == 0 {
+                            odd = plus(odd, more);
+                        } else {
+                            even = plus(even, more);
+                        }
+                    }
+                    even = plus(even, odd);
+                }
+                let slot = word(segment.slots, whole);
+                debug_assert!(slot < slots.len());
+                add_to(slots.get_unchecked_mut(slot), even);
+            }
+            first += others;
         }
     }
 }
@@ -166,20 +229,22 @@ pub(super) unsafe fn add_wholes<L: Lanes>(segment: &Segment<'_>, table: &[Row], 
     // SAFETY: there are as many wholes as lists; the rest is the caller's.
     unsafe {
         for whole in 0..segment.lists {
-            let radiance = weight((segment.whole_ids, segment.whole_exponents), whole, table, [0.0; 4]);
-            let more = times(&Row(radiance), coefficients::<L>(segment.whole_coefficients, whole));
+            let (main, power) = row::<L>((segment.whole_ids, segment.whole_exponents), whole, table);
+            let mut weight = Row::default();
+            L::store_four(L::scale_four(main, power), &mut weight);
+            let more = times(&weight, coefficients::<L>(segment.whole_coefficients, whole));
             add_to(slots.get_unchecked_mut(word(segment.slots, whole)), more);
         }
     }
 }
 
-/// Σ step · basis · v over the first `components`, in their order, into the pixels of a patch.
+/// Σ step · basis · v over the first `components`, in their order, into the pixels of a patch. As much is asked for from `ahead`.
 ///
 /// # Safety
 /// There must be as many steps, vectors of the basis and sums in `slots`.
 #[inline(always)]
 pub(super) unsafe fn pixels<L: Lanes>(
-    basis: &[i8],
+    (basis, ahead): (&[i8], &[i8]),
     steps: &[f32],
     slots: &[Slot],
     components: usize,
@@ -194,7 +259,9 @@ pub(super) unsafe fn pixels<L: Lanes>(
                 let slot = slots.get_unchecked(component / COMPONENTS);
                 let value = *steps.get_unchecked(component) * slot.0[channel][component % COMPONENTS];
                 let value = L::splat(value);
-                let from = basis.as_ptr().add((component * 3 + channel) * PIXELS);
+                let offset = (component * 3 + channel) * PIXELS;
+                prefetch(ahead.as_ptr().wrapping_add(offset).cast());
+                let from = basis.as_ptr().add(offset);
                 for (index, sum) in sums.iter_mut().enumerate().take(PIXELS / L::COUNT) {
                     *sum = sum.add(value.mul(L::widen(from.add(index * L::COUNT))));
                 }

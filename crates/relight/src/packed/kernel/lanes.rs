@@ -1,6 +1,8 @@
 //! Numbers side by side, each of which is computed as if it were alone.
 #![allow(unsafe_code)]
 
+use crate::packed::weights::Row;
+
 /// Numbers side by side. Every operation is that of single precision on each of them, rounded once.
 pub(super) trait Lanes: Copy {
     /// How many.
@@ -18,6 +20,17 @@ pub(super) trait Lanes: Copy {
     unsafe fn widen(from: *const i8) -> Self;
     unsafe fn add(self, other: Self) -> Self;
     unsafe fn mul(self, other: Self) -> Self;
+
+    /// A row of weights.
+    type Four: Copy;
+    unsafe fn load_four(row: &Row) -> Self::Four;
+    unsafe fn store_four(four: Self::Four, row: &mut Row);
+    unsafe fn less_four(four: Self::Four, less: Self::Four) -> Self::Four;
+    unsafe fn scale_four(four: Self::Four, power: f32) -> Self::Four;
+    /// All bits of both.
+    unsafe fn or_four(a: Self::Four, b: Self::Four) -> Self::Four;
+    /// Whether no bits but signs are set.
+    unsafe fn is_zero_four(four: Self::Four) -> bool;
 }
 
 /// Asks for memory that will be read soon.
@@ -71,6 +84,38 @@ impl Lanes for Plain {
     unsafe fn mul(self, other: Self) -> Self {
         Self(std::array::from_fn(|lane| self.0[lane] * other.0[lane]))
     }
+
+    type Four = [f32; 4];
+
+    #[inline(always)]
+    unsafe fn load_four(row: &Row) -> [f32; 4] {
+        row.0
+    }
+
+    #[inline(always)]
+    unsafe fn store_four(four: [f32; 4], row: &mut Row) {
+        row.0 = four;
+    }
+
+    #[inline(always)]
+    unsafe fn less_four(four: [f32; 4], less: [f32; 4]) -> [f32; 4] {
+        std::array::from_fn(|channel| four[channel] - less[channel])
+    }
+
+    #[inline(always)]
+    unsafe fn scale_four(four: [f32; 4], power: f32) -> [f32; 4] {
+        four.map(|value| value * power)
+    }
+
+    #[inline(always)]
+    unsafe fn or_four(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+        std::array::from_fn(|channel| f32::from_bits(a[channel].to_bits() | b[channel].to_bits()))
+    }
+
+    #[inline(always)]
+    unsafe fn is_zero_four(four: [f32; 4]) -> bool {
+        four == [0.0; 4]
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -79,12 +124,15 @@ pub(super) use x86::{Eight, Sixteen};
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::{
-        __m256, __m512, _mm_loadl_epi64, _mm_loadu_si128, _mm256_add_ps, _mm256_cvtepi8_epi32, _mm256_cvtepi32_ps,
-        _mm256_loadu_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps, _mm512_add_ps, _mm512_cvtepi8_epi32,
-        _mm512_cvtepi32_ps, _mm512_loadu_ps, _mm512_mul_ps, _mm512_set1_ps, _mm512_storeu_ps,
+        __m128, __m256, __m512, _mm_cmpneq_ps, _mm_load_ps, _mm_loadl_epi64, _mm_loadu_si128, _mm_movemask_ps,
+        _mm_mul_ps, _mm_or_ps, _mm_set1_ps, _mm_setzero_ps, _mm_store_ps, _mm_sub_ps, _mm256_add_ps,
+        _mm256_cvtepi8_epi32, _mm256_cvtepi32_ps, _mm256_loadu_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps,
+        _mm512_add_ps, _mm512_cvtepi8_epi32, _mm512_cvtepi32_ps, _mm512_loadu_ps, _mm512_mul_ps, _mm512_set1_ps,
+        _mm512_storeu_ps,
     };
 
     use super::Lanes;
+    use crate::packed::weights::Row;
 
     /// Eight numbers of AVX2.
     #[derive(Clone, Copy)]
@@ -122,6 +170,38 @@ mod x86 {
         #[inline(always)]
         unsafe fn mul(self, other: Self) -> Self {
             Self(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+
+        type Four = __m128;
+
+        #[inline(always)]
+        unsafe fn load_four(row: &Row) -> __m128 {
+            unsafe { _mm_load_ps(row.0.as_ptr()) }
+        }
+
+        #[inline(always)]
+        unsafe fn store_four(four: __m128, row: &mut Row) {
+            unsafe { _mm_store_ps(row.0.as_mut_ptr(), four) }
+        }
+
+        #[inline(always)]
+        unsafe fn less_four(four: __m128, less: __m128) -> __m128 {
+            unsafe { _mm_sub_ps(four, less) }
+        }
+
+        #[inline(always)]
+        unsafe fn scale_four(four: __m128, power: f32) -> __m128 {
+            unsafe { _mm_mul_ps(four, _mm_set1_ps(power)) }
+        }
+
+        #[inline(always)]
+        unsafe fn or_four(a: __m128, b: __m128) -> __m128 {
+            unsafe { _mm_or_ps(a, b) }
+        }
+
+        #[inline(always)]
+        unsafe fn is_zero_four(four: __m128) -> bool {
+            unsafe { _mm_movemask_ps(_mm_cmpneq_ps(four, _mm_setzero_ps())) == 0 }
         }
     }
 
@@ -162,6 +242,38 @@ mod x86 {
         unsafe fn mul(self, other: Self) -> Self {
             Self(unsafe { _mm512_mul_ps(self.0, other.0) })
         }
+
+        type Four = __m128;
+
+        #[inline(always)]
+        unsafe fn load_four(row: &Row) -> __m128 {
+            unsafe { _mm_load_ps(row.0.as_ptr()) }
+        }
+
+        #[inline(always)]
+        unsafe fn store_four(four: __m128, row: &mut Row) {
+            unsafe { _mm_store_ps(row.0.as_mut_ptr(), four) }
+        }
+
+        #[inline(always)]
+        unsafe fn less_four(four: __m128, less: __m128) -> __m128 {
+            unsafe { _mm_sub_ps(four, less) }
+        }
+
+        #[inline(always)]
+        unsafe fn scale_four(four: __m128, power: f32) -> __m128 {
+            unsafe { _mm_mul_ps(four, _mm_set1_ps(power)) }
+        }
+
+        #[inline(always)]
+        unsafe fn or_four(a: __m128, b: __m128) -> __m128 {
+            unsafe { _mm_or_ps(a, b) }
+        }
+
+        #[inline(always)]
+        unsafe fn is_zero_four(four: __m128) -> bool {
+            unsafe { _mm_movemask_ps(_mm_cmpneq_ps(four, _mm_setzero_ps())) == 0 }
+        }
     }
 }
 
@@ -171,11 +283,13 @@ pub(super) use arm::Neon;
 #[cfg(target_arch = "aarch64")]
 mod arm {
     use std::arch::aarch64::{
-        float32x4_t, vaddq_f32, vcvtq_f32_s32, vdupq_n_f32, vget_high_s16, vget_low_s16, vld1_s8, vld1q_f32, vmovl_s8,
-        vmovl_s16, vmulq_f32, vst1q_f32,
+        float32x4_t, vaddq_f32, vcvtq_f32_s32, vdupq_n_f32, vget_high_s16, vget_low_s16, vld1_s8, vld1q_f32,
+        vmaxvq_u32, vmovl_s8, vmovl_s16, vmulq_f32, vorrq_u32, vreinterpretq_f32_u32, vreinterpretq_u32_f32,
+        vshlq_n_u32, vst1q_f32, vsubq_f32,
     };
 
     use super::Lanes;
+    use crate::packed::weights::Row;
 
     /// Eight numbers of NEON.
     #[derive(Clone, Copy)]
@@ -220,6 +334,38 @@ mod arm {
         #[inline(always)]
         unsafe fn mul(self, other: Self) -> Self {
             unsafe { Self(vmulq_f32(self.0, other.0), vmulq_f32(self.1, other.1)) }
+        }
+
+        type Four = float32x4_t;
+
+        #[inline(always)]
+        unsafe fn load_four(row: &Row) -> float32x4_t {
+            unsafe { vld1q_f32(row.0.as_ptr()) }
+        }
+
+        #[inline(always)]
+        unsafe fn store_four(four: float32x4_t, row: &mut Row) {
+            unsafe { vst1q_f32(row.0.as_mut_ptr(), four) }
+        }
+
+        #[inline(always)]
+        unsafe fn less_four(four: float32x4_t, less: float32x4_t) -> float32x4_t {
+            unsafe { vsubq_f32(four, less) }
+        }
+
+        #[inline(always)]
+        unsafe fn scale_four(four: float32x4_t, power: f32) -> float32x4_t {
+            unsafe { vmulq_f32(four, vdupq_n_f32(power)) }
+        }
+
+        #[inline(always)]
+        unsafe fn or_four(a: float32x4_t, b: float32x4_t) -> float32x4_t {
+            unsafe { vreinterpretq_f32_u32(vorrq_u32(vreinterpretq_u32_f32(a), vreinterpretq_u32_f32(b))) }
+        }
+
+        #[inline(always)]
+        unsafe fn is_zero_four(four: float32x4_t) -> bool {
+            unsafe { vmaxvq_u32(vshlq_n_u32::<1>(vreinterpretq_u32_f32(four))) == 0 }
         }
     }
 }

@@ -17,7 +17,12 @@ use lanes::Lanes;
 /// Adds the atoms of a position: all of them, or the first coefficients of the wholes.
 type Add = unsafe fn(&Segment<'_>, &[Row], &mut [Row], &mut [Slot]);
 /// Σ step · basis · v of a patch.
-type Pixels = unsafe fn(&[i8], &[f32], &[Slot], usize, &mut [[f32; 3]; PIXELS]);
+type Pixels = unsafe fn((&[i8], &[i8]), &[f32], &[Slot], usize, &mut [[f32; 3]; PIXELS]);
+
+/// Asks for memory that will be read soon.
+pub(super) fn ask_for(bytes: &[u8]) {
+    bytes.iter().step_by(64).for_each(|byte| lanes::prefetch(byte));
+}
 
 /// The loops for one kind of machine.
 #[derive(Clone, Copy)]
@@ -102,10 +107,11 @@ impl Kernel {
         }
     }
 
-    /// Σ step · basis · v over the first `components` of a patch: its 8 × 8 pixels, row-major.
+    /// Σ step · basis · v over the first `components` of a patch: its 8 × 8 pixels, row-major. The basis `ahead` is that needed next.
     pub(super) fn pixels(
         &self,
         (basis, steps): (&[i8], &[f32]),
+        ahead: &[i8],
         slots: &[Slot],
         components: usize,
         out: &mut [[f32; 3]; PIXELS],
@@ -119,7 +125,7 @@ impl Kernel {
         // SAFETY: kernels are only made for machines that have their features, and all parts are long enough.
         #[allow(unsafe_code)]
         unsafe {
-            (self.pixels)(basis, steps, slots, components, out);
+            (self.pixels)((basis, ahead), steps, slots, components, out);
         }
     }
 }
@@ -159,7 +165,7 @@ macro_rules! kernel {
             /// As the generic version, and the machine has the features.
             $(#[$features])*
             unsafe fn pixels(
-                basis: &[i8],
+                basis: (&[i8], &[i8]),
                 steps: &[f32],
                 slots: &[Slot],
                 components: usize,
