@@ -3,9 +3,10 @@
 use half::f16;
 use rayon::prelude::*;
 use relumine_basis::Coefficients;
-use relumine_field::{BlockBuffer, FieldError, ReflectanceField};
+use relumine_field::{BlockBuffer, Extent, FieldError, ReflectanceField};
 use relumine_radiometry::{Image, Radiance};
 
+use crate::packed::{LightWeights, PackedError, relight_block};
 use crate::{TransferSource, kernel};
 
 /// Squares that are added in one pass over the sum: it is read and written once for all of them.
@@ -18,6 +19,9 @@ pub enum RelightError {
     /// The field cannot be read.
     #[error(transparent)]
     Field(#[from] FieldError),
+    /// A packed field cannot be relit.
+    #[error(transparent)]
+    Packed(#[from] PackedError),
     /// A light for other cells.
     #[error("the light has {found} coefficients, but the field has {expected} cells")]
     OtherCells {
@@ -36,10 +40,20 @@ pub struct Relighting<'a, S: TransferSource> {
     /// Positions that some light shines from, in groups whose sums are added in order: the groups depend on the light
     /// alone, so the result does not depend on the number of threads.
     groups: Vec<Vec<usize>>,
-    /// Tiles of halves, or blocks of a packed field.
-    steps: Vec<[usize; 2]>,
+    /// By light, if the field is packed.
+    weights: Vec<LightWeights>,
+    steps: Vec<Step>,
     next: usize,
     pictures: Vec<Image<Radiance>>,
+}
+
+/// What is relit at once.
+#[derive(Clone, Debug)]
+enum Step {
+    /// A tile of halves.
+    Tile([usize; 2]),
+    /// Some blocks of a packed field, of the whole picture.
+    Blocks(Vec<[usize; 2]>),
 }
 
 impl<'a, S: TransferSource> Relighting<'a, S> {
@@ -62,16 +76,22 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
         // Groups enough for many cores, long enough that few partial sums are added up.
         let longest = lit.len().div_ceil(32).max(1);
         let (width, height) = field.picture_size();
-        let steps = if field.is_packed() {
+        let (mut weights, mut steps) = (Vec::new(), Vec::new());
+        if field.is_packed() {
+            let (squares, positions) = (field.cells().squares(), field.cells().positions());
+            weights = lights.iter().map(|light| LightWeights::new(light, squares, positions)).collect::<Result<_, _>>()?;
             let [down, across] = field.blocks().grid();
-            (0..down).flat_map(|row| (0..across).map(move |column| [row, column])).collect()
+            let blocks: Vec<[usize; 2]> =
+                (0..down).flat_map(|row| (0..across).map(move |column| [row, column])).collect();
+            steps.extend(blocks.chunks(4 * rayon::current_num_threads()).map(|some| Step::Blocks(some.to_vec())));
         } else {
-            field.blocks().all_tiles().collect()
-        };
+            steps.extend(field.blocks().all_tiles().map(Step::Tile));
+        }
         Ok(Self {
             source,
             lights,
             groups: lit.chunks(longest).map(<[usize]>::to_vec).collect(),
+            weights,
             steps,
             next: 0,
             pictures: lights.iter().map(|_| Image::black(width, height)).collect(),
@@ -97,25 +117,24 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
         Ok(self.pictures)
     }
 
-    fn relight_packed(&mut self, block: [usize; 2]) -> Result<(), RelightError> {
+    /// Reads and relights some blocks of a packed field.
+    fn relight_packed(&mut self, blocks: &[[usize; 2]]) -> Result<(), RelightError> {
         let field = self.source.field();
         let lit: Vec<usize> = self.groups.iter().flatten().copied().collect();
-        let block = field.packed_block(block, |position| lit.binary_search(&position).is_ok())?;
-        let m = field.cells().squares();
-        let groups = relumine_field::packed::Groups::new(m);
-        let pixels = block.extent.pixels();
-        let width = field.picture_size().0;
-        for (light, picture) in self.lights.iter().zip(&mut self.pictures) {
-            let mut values = vec![0.0f64; 3 * pixels];
-            for position in lit.iter().filter(|position| !light.is_position_dark(**position)) {
-                let weights = &light.values()[position * m * m..][..m * m];
-                block.add_weighted(*position, &groups, weights, &mut values);
-            }
-            for (index, value) in values.into_iter().enumerate() {
-                let (channel, pixel) = (index / pixels, index % pixels);
-                let y = block.extent.rows.start + pixel / block.extent.columns.len();
-                let x = block.extent.columns.start + pixel % block.extent.columns.len();
-                picture.pixels_mut()[y * width + x][channel] = value as f32;
+        let relit = blocks
+            .par_iter()
+            .map(|block| {
+                let block = field.packed_block(*block, |position| lit.binary_search(&position).is_ok())?;
+                let pictures = relight_block(&block, &self.weights)?;
+                Ok((block.extent, pictures))
+            })
+            .collect::<Result<Vec<(Extent, Vec<Image<Radiance>>)>, RelightError>>()?;
+        for (extent, of_block) in relit {
+            for (picture, block) in self.pictures.iter_mut().zip(of_block) {
+                let width = picture.width();
+                for (y, row) in extent.rows.clone().zip(block.pixels().chunks_exact(extent.columns.len())) {
+                    picture.pixels_mut()[y * width..][extent.columns.clone()].copy_from_slice(row);
+                }
             }
         }
         Ok(())
@@ -207,13 +226,16 @@ fn add_block(sum: &mut [f32], terms: &[(usize, &[f16])], light: &Coefficients, s
 }
 
 impl<S: TransferSource> Iterator for Relighting<'_, S> {
-    /// One tile is relit, or the field could not be read.
+    /// A tile or some blocks are relit, or the field could not be read.
     type Item = Result<(), RelightError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let step = *self.steps.get(self.next)?;
+        let step = self.steps.get(self.next)?.clone();
         self.next += 1;
-        Some(if self.source.field().is_packed() { self.relight_packed(step) } else { self.relight_tile(step) })
+        Some(match step {
+            Step::Tile(tile) => self.relight_tile(tile),
+            Step::Blocks(blocks) => self.relight_packed(&blocks),
+        })
     }
 }
 

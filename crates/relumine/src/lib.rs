@@ -52,7 +52,7 @@ pub use relumine_field::ReflectanceField;
 pub use relumine_incident::{Options as ProjectionOptions, Projected, Reconstruction, project};
 pub use relumine_lamp::Light;
 pub use relumine_radiometry as radiometry;
-pub use relumine_relight::{Relighting, ResidentField, missing_share, relight_reference};
+pub use relumine_relight::{Incremental, Relighting, ResidentField, ResidentPacked, missing_share, relight_reference};
 pub use relumine_rig as rig;
 pub use relumine_rig::{Rig, Run, lay_out};
 pub use relumine_tracer as tracer;

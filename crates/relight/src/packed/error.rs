@@ -4,6 +4,9 @@
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PackedError {
+    /// A field of halves.
+    #[error("the field is not packed: `relumine pack` does that")]
+    NotPacked,
     /// A light for other cells.
     #[error("the light has {found} coefficients, but the field has {expected} cells")]
     OtherCells {

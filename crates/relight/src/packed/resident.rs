@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 use relumine_basis::Coefficients;
+use relumine_field::ReflectanceField;
 use relumine_field::packed::PackedBlock;
 use relumine_radiometry::{Image, Radiance};
 
@@ -9,6 +10,7 @@ use crate::packed::block::Slot;
 use crate::packed::kernel::Kernel;
 use crate::packed::rows::Rows;
 use crate::packed::sum::{Summing, write_block};
+use crate::RelightError;
 use crate::packed::{LightWeights, PackedError, Progressive, ResidentBlock};
 
 /// A packed field in memory, for lights that follow one another.
@@ -26,6 +28,26 @@ pub struct ResidentPacked {
 pub(crate) type Sum = for<'a> fn(&'a mut Summing, &Kernel, &ResidentBlock, &LightWeights) -> &'a [Slot];
 
 impl ResidentPacked {
+    /// Reads a packed field, all of it: about twice its bytes on disk.
+    ///
+    /// # Errors
+    /// If it is not packed, or cannot be read or is damaged.
+    pub fn load(field: &ReflectanceField) -> Result<Self, RelightError> {
+        if !field.is_packed() {
+            return Err(PackedError::NotPacked.into());
+        }
+        let ([down, across], squares) = (field.blocks().grid(), field.cells().squares());
+        let blocks = (0..down * across)
+            .into_par_iter()
+            .map(|index| {
+                let block = field.packed_block([index / across, index % across], |_| true)?;
+                Ok(ResidentBlock::new(&block, squares)?)
+            })
+            .collect::<Result<Vec<_>, RelightError>>()?;
+        let (width, height) = field.picture_size();
+        Ok(Self::from_resident(blocks, [width, height], field.cells().positions(), squares)?)
+    }
+
     /// Lays out blocks that were read whole, for a picture of `[width, height]` pixels and a field of `positions` × `squares` ×
     /// `squares` cells. Pixels that no block holds stay black.
     ///
