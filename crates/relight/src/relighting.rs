@@ -79,7 +79,8 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
         let (mut weights, mut steps) = (Vec::new(), Vec::new());
         if field.is_packed() {
             let (squares, positions) = (field.cells().squares(), field.cells().positions());
-            weights = lights.iter().map(|light| LightWeights::new(light, squares, positions)).collect::<Result<_, _>>()?;
+            weights =
+                lights.iter().map(|light| LightWeights::new(light, squares, positions)).collect::<Result<_, _>>()?;
             let [down, across] = field.blocks().grid();
             let blocks: Vec<[usize; 2]> =
                 (0..down).flat_map(|row| (0..across).map(move |column| [row, column])).collect();

@@ -52,7 +52,7 @@ impl Basis {
             if !(strength > 0.0 && strength.is_finite() && peak > 0.0) {
                 break;
             }
-            // As fine as what is left after it asks for, and no finer: the vector's own error is LEVELS times smaller than that.
+            // As fine as what is left after it asks for: rounding must not make work for later vectors.
             let levels = (LEVELS * strength / enough.residual as f32).min(127.0 / peak).max(3.0 / peak);
             let vector: Vec<i8> = direction.iter().map(|value| (value * levels).round() as i8).collect();
             let length_of = norm(&vector.iter().map(|value| f32::from(*value)).collect::<Vec<_>>());
@@ -67,7 +67,8 @@ impl Basis {
     }
 }
 
-const LEVELS: f32 = 8.0;
+/// Steps of a vector of norm 1, for every residual that its component is strong.
+const LEVELS: f32 = 50.0;
 
 fn gram(rows: &[Vec<f32>], length: usize) -> Vec<f32> {
     let mut gram = vec![0.0f32; length * length];

@@ -6,16 +6,20 @@ use crate::packed::basis::{Basis, Enough, dot, norm};
 use crate::packed::sketch::{PatchSketch, QUARTERS, quarter, quarter_sizes};
 use crate::packed::{Groups, Kept};
 
-/// A square is kept by itself if it shows more than this share of the error, as norms over a patch.
-pub(crate) const SQUARE_SHARE: f64 = 1.0;
+/// The errors of a square's parts add up, and the picture of one square is dimmer than that of all: what is allowed for is
+/// this share of the error asked for.
+const ALLOWED: f64 = 0.75;
 
-/// Quantisation errors over the error: of the whole, of squares, of groups.
+/// A square is kept by itself if it shows more than this share of the error, as norms over a patch.
+pub(crate) const SQUARE_SHARE: f64 = 0.6;
+
+/// Errors of the whole, of squares and of groups, over what is allowed.
 const OF_WHOLE: f64 = 0.6;
-const OF_SQUARE: f64 = 0.8;
+const OF_SQUARE: f64 = 0.6;
 const OF_GROUP: f64 = 0.2;
 
-/// The basis may leave this share of the error.
-const OF_BASIS: f64 = 0.5;
+/// The basis may leave this share of what is allowed.
+const OF_BASIS: f64 = 0.65;
 
 /// Components that groups are coded in: what is left is smooth.
 const GROUP_RANK: usize = 4;
@@ -61,10 +65,11 @@ pub(crate) fn pack_patch(
     if power <= 0.0 {
         return PackedPatch { atoms: positions.iter().map(|_| Vec::new()).collect(), ..PackedPatch::default() };
     }
-    let allowed = error * power.sqrt();
+    let allowed = ALLOWED * error * power.sqrt();
     let groups = Groups::new(squares);
+    let least = SQUARE_SHARE * error * power.sqrt();
     let parts: Vec<Parts> =
-        positions.iter().map(|sketch| Parts::of(sketch, &groups, [height, width], SQUARE_SHARE * allowed)).collect();
+        positions.iter().map(|sketch| Parts::of(sketch, &groups, [height, width], least)).collect();
     let mut rows: Vec<Vec<f32>> = lit.iter().map(|whole| whole.to_vec()).collect();
     rows.extend(parts.iter().flat_map(|parts| parts.squares.iter().map(|(_, values)| values.clone())));
     let basis = Basis::of_rows(&rows, &Enough { residual: OF_BASIS * allowed, rank: MOST_RANK });

@@ -19,6 +19,8 @@
 //! i8 × 8 × tails             coefficients
 //! ```
 
+use std::ops::Range;
+
 use relumine_field::Extent;
 use relumine_field::packed::Patches;
 
@@ -45,12 +47,17 @@ pub struct ResidentBlock {
     pub(super) squares: usize,
     /// Where the slots of each patch begin, and where the last end.
     pub(super) slots: Vec<u32>,
-    /// Where the components of each patch begin, and where the last end.
-    pub(super) components: Vec<u32>,
-    /// `[component of patch][channel][pixel of 8 × 8]`.
+    /// Components of the basis of each patch.
+    pub(super) components: Vec<u8>,
+    /// Where the components of each slot begin in the bases.
+    pub(super) starts: Vec<u32>,
+    /// What one step is worth, by slot.
+    pub(super) steps: Vec<[f32; COMPONENTS]>,
+    /// The bases `[component][channel][pixel of 8 × 8]`: the first 8 components of all patches, the next 8 of those that have
+    /// them, and so on, since mostly the first are needed.
     pub(super) basis: Vec<i8>,
-    /// What one step is worth, `[component of patch]`.
-    pub(super) steps: Vec<f32>,
+    /// Rows and columns of each patch.
+    pub(super) pixels: Vec<[Range<u32>; 2]>,
     /// By position; `None` was not read.
     pub(super) places: Vec<Option<Place>>,
     pub(super) bytes: Vec<u8>,
@@ -103,6 +110,17 @@ pub(crate) struct Segment<'a> {
     pub(crate) ahead: &'a [u8],
 }
 
+/// The basis of a patch.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Basis<'a> {
+    pub(crate) components: usize,
+    /// By slot, in components from the first of `values`.
+    pub(crate) starts: &'a [u32],
+    pub(crate) steps: &'a [[f32; COMPONENTS]],
+    /// Of the block.
+    pub(crate) values: &'a [i8],
+}
+
 impl Segment<'_> {
     /// Atoms in it.
     pub(crate) fn atoms(&self) -> usize {
@@ -125,8 +143,11 @@ impl ResidentBlock {
     pub fn bytes(&self) -> usize {
         self.bytes.len()
             + self.basis.len()
-            + 4 * (self.steps.len() + self.slots.len() + self.components.len())
+            + size_of_val(self.steps.as_slice())
+            + size_of_val(self.pixels.as_slice())
             + size_of_val(self.places.as_slice())
+            + 4 * (self.slots.len() + self.starts.len())
+            + self.components.len()
     }
 
     /// Squares and groups that its atoms may name.
@@ -140,14 +161,24 @@ impl ResidentBlock {
     }
 
     /// Slots of a patch.
-    pub(crate) fn slots_of(&self, patch: usize) -> std::ops::Range<usize> {
+    pub(crate) fn slots_of(&self, patch: usize) -> Range<usize> {
         self.slots[patch] as usize..self.slots[patch + 1] as usize
     }
 
-    /// The basis of a patch, `[component][channel][pixel of 8 × 8]`, and its steps.
-    pub(crate) fn basis_of(&self, patch: usize) -> (&[i8], &[f32]) {
-        let components = self.components[patch] as usize..self.components[patch + 1] as usize;
-        (&self.basis[components.start * 3 * PIXELS..components.end * 3 * PIXELS], &self.steps[components])
+    /// The basis of a patch.
+    pub(crate) fn basis_of(&self, patch: usize) -> Basis<'_> {
+        let slots = self.slots_of(patch);
+        Basis {
+            components: self.components[patch].into(),
+            starts: &self.starts[slots.clone()],
+            steps: &self.steps[slots],
+            values: &self.basis,
+        }
+    }
+
+    /// Rows and columns of a patch in the block.
+    pub(crate) fn pixels_of(&self, patch: usize) -> [Range<usize>; 2] {
+        self.pixels[patch].clone().map(|range| range.start as usize..range.end as usize)
     }
 
     /// The bytes of the atoms of a position; none if they were not read.

@@ -1,5 +1,7 @@
 //! From a block as it was read to a block laid out for the sum.
 
+use std::ops::Range;
+
 use relumine_field::packed::{Atom, POSITIONS_A_CHUNK, PackedBlock};
 
 use crate::packed::block::{COMPONENTS, PIXELS, Place};
@@ -41,9 +43,11 @@ impl ResidentBlock {
             patches,
             squares,
             slots: Vec::with_capacity(patches.len() + 1),
-            components: Vec::with_capacity(patches.len() + 1),
-            basis: Vec::new(),
+            components: Vec::with_capacity(patches.len()),
+            starts: Vec::new(),
             steps: Vec::new(),
+            basis: Vec::new(),
+            pixels: (0..patches.len()).map(|patch| small_ranges(patches.pixels(patch))).collect(),
             places: Vec::with_capacity(positions),
             bytes: Vec::new(),
         };
@@ -69,40 +73,53 @@ impl ResidentBlock {
         Ok(resident)
     }
 
-    /// The bases by patch, as many components of each as its longest atom has.
+    /// The bases, as many components of each as its longest atom has.
     fn lay_out_bases(&mut self, block: &PackedBlock, longest: &[usize]) -> Result<(), PackedError> {
         let [height, width] = self.patches.block();
-        self.basis.reserve_exact(longest.iter().sum::<usize>() * 3 * PIXELS);
-        let (mut slots, mut components) = (0, 0);
-        for (patch, longest) in longest.iter().enumerate() {
+        self.slots.push(0);
+        let mut slots = 0;
+        for longest in longest {
             if *longest > block.rank {
                 let (basis, steps) = (block.basis.len(), block.steps.len());
                 return Err(PackedError::Shape { patches: self.patches.len(), rank: block.rank, basis, steps });
             }
-            self.slots.push(slots as u32);
-            self.components.push(components as u32);
             slots += longest.div_ceil(COMPONENTS);
-            components += longest;
-            let (rows, columns) = self.patches.pixels(patch);
-            for component in 0..*longest {
-                self.steps.push(block.steps[component * self.patches.len() + patch]);
-                for channel in 0..3 {
-                    let start = self.basis.len();
-                    self.basis.resize(start + PIXELS, 0);
-                    for (to, y) in self.basis[start..].chunks_exact_mut(8).zip(rows.clone()) {
-                        let from = ((component * 3 + channel) * height + y) * width;
-                        to[..columns.len()].copy_from_slice(&block.basis[from..][columns.clone()]);
-                    }
-                }
-            }
+            self.slots.push(slots as u32);
+            self.components.push(*longest as u8);
         }
-        self.slots.push(slots as u32);
-        self.components.push(components as u32);
         if slots > MOST {
             return Err(PackedError::TooMany { what: "slots of 8 components", found: slots, most: MOST });
         }
+        self.starts = vec![0; slots];
+        self.steps = vec![[0.0; COMPONENTS]; slots];
+        self.basis.reserve_exact(longest.iter().sum::<usize>() * 3 * PIXELS);
+        let mut start = 0;
+        for first in (0..block.rank).step_by(COMPONENTS) {
+            for (patch, longest) in longest.iter().enumerate().filter(|(_, longest)| **longest > first) {
+                let slot = self.slots[patch] as usize + first / COMPONENTS;
+                self.starts[slot] = start;
+                let [rows, columns] = self.pixels_of(patch);
+                for component in first..(first + COMPONENTS).min(*longest) {
+                    self.steps[slot][component - first] = block.steps[component * self.patches.len() + patch];
+                    for channel in 0..3 {
+                        let plane = self.basis.len();
+                        self.basis.resize(plane + PIXELS, 0);
+                        for (to, y) in self.basis[plane..].chunks_exact_mut(8).zip(rows.clone()) {
+                            let from = ((component * 3 + channel) * height + y) * width;
+                            to[..columns.len()].copy_from_slice(&block.basis[from..][columns.clone()]);
+                        }
+                    }
+                    start += 1;
+                }
+            }
+        }
         Ok(())
     }
+}
+
+/// Rows and columns in 32 bits.
+fn small_ranges((rows, columns): (Range<usize>, Range<usize>)) -> [Range<u32>; 2] {
+    [rows, columns].map(|range| range.start as u32..range.end as u32)
 }
 
 /// Positions of a block, the last chunk of which may be short.
@@ -121,7 +138,7 @@ fn significant<'a>(atom: &Atom<'a>) -> &'a [i8] {
 #[derive(Default)]
 struct Lists<'a> {
     /// Patch, and which atoms are its: the whole first.
-    lists: Vec<(usize, std::ops::Range<usize>)>,
+    lists: Vec<(usize, Range<usize>)>,
     /// Id, exponent, coefficients.
     atoms: Vec<(u16, u8, &'a [i8])>,
 }

@@ -6,7 +6,7 @@ use relumine_radiometry::{Image, Radiance};
 
 use crate::packed::block::{COMPONENTS, Slot};
 use crate::packed::kernel::Kernel;
-use crate::packed::sum::{Summing, write_patch};
+use crate::packed::sum::{Summing, clear, write_patches};
 use crate::packed::weights::check_cells;
 use crate::packed::{LightWeights, PackedError, ResidentBlock, ResidentPacked};
 
@@ -128,18 +128,19 @@ impl Incremental {
         let blocks = field.blocks().par_iter().zip(&mut self.sums).zip(&mut shares);
         let update = |work: &mut Work, ((block, sums), rows): ((&ResidentBlock, &mut Vec<Sums>), &mut Vec<_>)| {
             work.update_sums(&kernel, block, change, sums);
-            let mut patches = 0;
+            clear(&mut work.single, sums.len());
+            work.patches.clear();
             for patch in 0..block.patches.len() {
                 let slots = block.slots_of(patch);
                 if work.touched[slots.clone()].contains(&true) {
-                    let single = |sums: &Sums| Slot(sums.map(|channel| channel.map(|sum| sum as f32)));
-                    work.single.clear();
-                    work.single.extend(sums[slots].iter().map(single));
-                    write_patch(&kernel, block, patch, &work.single, rows);
-                    patches += 1;
+                    work.patches.push(patch);
+                    for (single, sums) in work.single[slots.clone()].iter_mut().zip(&sums[slots]) {
+                        *single = Slot(sums.map(|channel| channel.map(|sum| sum as f32)));
+                    }
                 }
             }
-            patches
+            write_patches(&kernel, block, work.patches.iter().copied(), &work.single, rows);
+            work.patches.len()
         };
         blocks.map_init(Work::default, update).sum()
     }
@@ -152,6 +153,8 @@ struct Work {
     new: Summing,
     anew: Vec<Sums>,
     single: Vec<Slot>,
+    /// Patches to be made anew.
+    patches: Vec<usize>,
     /// Slots that have changed.
     touched: Vec<bool>,
 }
@@ -165,7 +168,7 @@ impl Work {
             Change::Anew(light) => {
                 self.anew.clear();
                 self.anew.resize(sums.len(), NOTHING);
-                for (lit, table) in light.tables() {
+                for (lit, table) in light.tables(0..light.lit().len()) {
                     let adds = self.new.of_position(kernel, block, lit.position, (table, lit.sparse));
                     for (sum, adds) in self.anew.as_flattened_mut().as_flattened_mut().iter_mut().zip(flat(adds)) {
                         *sum += f64::from(*adds);
@@ -177,7 +180,7 @@ impl Work {
                 }
             }
             Change::Differences(old, new) => {
-                for ((was, old), (is, new)) in old.tables().zip(new.tables()) {
+                for ((was, old), (is, new)) in old.tables(0..old.lit().len()).zip(new.tables(0..new.lit().len())) {
                     let old = self.old.of_position(kernel, block, was.position, (old, was.sparse));
                     let new = self.new.of_position(kernel, block, is.position, (new, is.sparse));
                     let slots = old.iter().zip(new).zip(sums.iter_mut()).zip(&mut self.touched);

@@ -6,11 +6,11 @@ use relumine_field::ReflectanceField;
 use relumine_field::packed::PackedBlock;
 use relumine_radiometry::{Image, Radiance};
 
+use crate::RelightError;
 use crate::packed::block::Slot;
 use crate::packed::kernel::Kernel;
 use crate::packed::rows::Rows;
-use crate::packed::sum::{Summing, write_block};
-use crate::RelightError;
+use crate::packed::sum::{Summing, write_patches};
 use crate::packed::{LightWeights, PackedError, Progressive, ResidentBlock};
 
 /// A packed field in memory, for lights that follow one another.
@@ -24,8 +24,11 @@ pub struct ResidentPacked {
     rows: Rows,
 }
 
-/// Sums of a block under a light.
-pub(crate) type Sum = for<'a> fn(&'a mut Summing, &Kernel, &ResidentBlock, &LightWeights) -> &'a [Slot];
+/// Sums of some blocks under a light, one after the other.
+pub(crate) type Sum = for<'a> fn(&'a mut Summing, &Kernel, &[ResidentBlock], &LightWeights) -> &'a [Slot];
+
+/// Blocks that take turns, at most: more share the tables of a light, fewer are spread better.
+const IN_TURN: usize = 8;
 
 impl ResidentPacked {
     /// Reads a packed field, all of it: about twice its bytes on disk.
@@ -162,12 +165,16 @@ impl ResidentPacked {
     ) {
         let kernel = Kernel::best();
         let mut shares = self.share_out(picture);
-        self.blocks[chosen.clone()]
-            .par_iter()
-            .zip(&mut shares[chosen])
-            .for_each_init(Summing::default, |summing, (block, rows)| {
-                write_block(&kernel, block, sum(summing, &kernel, block, weights), rows)
-            });
+        let in_turn = (chosen.len() / (4 * rayon::current_num_threads())).clamp(1, IN_TURN);
+        let blocks = self.blocks[chosen.clone()].par_chunks(in_turn).zip(shares[chosen].par_chunks_mut(in_turn));
+        blocks.for_each_init(Summing::default, |summing, (blocks, shares)| {
+            let mut slots = sum(summing, &kernel, blocks, weights);
+            for (block, rows) in blocks.iter().zip(shares) {
+                let (mine, after) = slots.split_at(block.number_of_slots());
+                slots = after;
+                write_patches(&kernel, block, 0..block.patches.len(), mine, rows);
+            }
+        });
     }
 
     /// The rows of each block.

@@ -2,64 +2,74 @@
 
 use crate::packed::ResidentBlock;
 use crate::packed::block::{COMPONENTS, PIXELS, Segment, Slot};
-use crate::packed::kernel::Kernel;
+use crate::packed::kernel::{self, Kernel};
 use crate::packed::weights::{LightWeights, Row};
 
 /// Positions whose sum is taken by itself before it is added to the others, so that rounding does not grow with their number.
 const TOGETHER: usize = 32;
 
-/// What is done for one block after the other: room for its sums.
+/// Room for the sums of some blocks.
 #[derive(Default)]
 pub(crate) struct Summing {
+    /// Of one block after the other.
     sums: Vec<Slot>,
     partial: Vec<Slot>,
     weights: Vec<Row>,
 }
 
 impl Summing {
-    /// v of all slots of a block under a light. Positions that were not read add nothing.
-    pub(crate) fn sum(&mut self, kernel: &Kernel, block: &ResidentBlock, light: &LightWeights) -> &[Slot] {
-        let ids = block.ids();
-        clear(&mut self.sums, block.number_of_slots());
-        let mut next = light.lit().skip(1);
-        let together = if light.lit().len() <= TOGETHER { None } else { Some(TOGETHER) };
-        for (index, (lit, table)) in light.tables().enumerate() {
-            let to = match together {
-                None => &mut self.sums,
-                Some(together) => {
-                    if index % together == 0 {
-                        add_all(&mut self.sums, &self.partial);
-                        clear(&mut self.partial, block.number_of_slots());
-                    }
+    /// v of all slots of some blocks under a light, one block after the other. Positions that were not read add nothing.
+    ///
+    /// The blocks take turns after so many positions, whose tables then stay in the cache.
+    pub(crate) fn sum(&mut self, kernel: &Kernel, blocks: &[ResidentBlock], light: &LightWeights) -> &[Slot] {
+        clear(&mut self.sums, blocks.iter().map(ResidentBlock::number_of_slots).sum());
+        let lit = light.lit().len();
+        for first in (0..lit).step_by(TOGETHER) {
+            let together = first..(first + TOGETHER).min(lit);
+            let mut rest = &mut self.sums[..];
+            for block in blocks {
+                let (sums, after) = rest.split_at_mut(block.number_of_slots());
+                rest = after;
+                // The first partial sum needs no room of its own.
+                let to = if first == 0 {
+                    &mut *sums
+                } else {
+                    clear(&mut self.partial, sums.len());
                     &mut self.partial
+                };
+                let mut next = light.tables(together.clone()).skip(1);
+                for (lit, table) in light.tables(together.clone()) {
+                    let ahead = next.next().map_or(&[][..], |(lit, _)| block.bytes_of(lit.position));
+                    if let Some(segment) = block.segment(lit.position) {
+                        let segment = Segment { ahead, ..segment };
+                        kernel.add((&segment, block.ids()), (table, lit.sparse), &mut self.weights, to);
+                    }
                 }
-            };
-            let ahead = next.next().map_or(&[][..], |position| block.bytes_of(position));
-            if let Some(segment) = block.segment(lit.position) {
-                let segment = Segment { ahead, ..segment };
-                kernel.add((&segment, ids), (table, lit.sparse), &mut self.weights, to);
+                if first > 0 {
+                    add_all(sums, &self.partial);
+                }
             }
-        }
-        if together.is_some() {
-            add_all(&mut self.sums, &self.partial);
-            self.partial.clear();
         }
         &self.sums
     }
 
     /// As [`Summing::sum`], but of the first components of the wholes only.
-    pub(crate) fn sum_wholes(&mut self, kernel: &Kernel, block: &ResidentBlock, light: &LightWeights) -> &[Slot] {
-        let ids = block.ids();
-        clear(&mut self.sums, block.number_of_slots());
-        for (lit, table) in light.tables() {
-            if let Some(segment) = block.segment(lit.position) {
-                kernel.add_wholes((&segment, ids), table, &mut self.weights, &mut self.sums);
+    pub(crate) fn sum_wholes(&mut self, kernel: &Kernel, blocks: &[ResidentBlock], light: &LightWeights) -> &[Slot] {
+        clear(&mut self.sums, blocks.iter().map(ResidentBlock::number_of_slots).sum());
+        let mut rest = &mut self.sums[..];
+        for block in blocks {
+            let (sums, after) = rest.split_at_mut(block.number_of_slots());
+            rest = after;
+            for (lit, table) in light.tables(0..light.lit().len()) {
+                if let Some(segment) = block.segment(lit.position) {
+                    kernel.add_wholes((&segment, block.ids()), table, &mut self.weights, sums);
+                }
             }
         }
         &self.sums
     }
 
-    /// What one position adds, by itself.
+    /// What one position adds to a block, by itself.
     pub(crate) fn of_position(
         &mut self,
         kernel: &Kernel,
@@ -81,7 +91,7 @@ pub(crate) fn clear(slots: &mut Vec<Slot>, number: usize) {
     slots.resize(number, Slot::ZERO);
 }
 
-/// Adds slot by slot; `more` may be empty.
+/// Adds slot by slot.
 fn add_all(sums: &mut [Slot], more: &[Slot]) {
     for (sum, more) in sums.iter_mut().zip(more) {
         let (sum, more) = (sum.0.as_flattened_mut(), more.0.as_flattened());
@@ -89,35 +99,38 @@ fn add_all(sums: &mut [Slot], more: &[Slot]) {
     }
 }
 
-/// The pixels of one patch from its sums, into the rows of its block.
-pub(crate) fn write_patch(
+/// The pixels of some patches of a block from the sums of all its slots, into the rows of the block.
+pub(crate) fn write_patches(
     kernel: &Kernel,
     block: &ResidentBlock,
-    patch: usize,
+    chosen: impl Iterator<Item = usize>,
     slots: &[Slot],
     block_rows: &mut [&mut [[f32; 3]]],
 ) {
-    let (rows, columns) = block.patches.pixels(patch);
-    let basis = block.basis_of(patch);
-    let components = components(slots).min(basis.1.len());
+    let mut chosen = chosen.peekable();
     let mut pixels = [[0.0; 3]; PIXELS];
-    if components > 0 {
-        let ahead = if patch + 1 < block.patches.len() { block.basis_of(patch + 1).0 } else { &[] };
-        kernel.pixels(basis, ahead, slots, components, &mut pixels);
-    }
-    for (row, from) in block_rows[rows].iter_mut().zip(pixels.as_chunks::<8>().0) {
-        let to = &mut row[columns.clone()];
-        match <&mut [_; 8]>::try_from(&mut *to) {
-            Ok(to) => *to = *from,
-            Err(_) => to.copy_from_slice(&from[..to.len()]),
+    while let Some(patch) = chosen.next() {
+        let [rows, columns] = block.pixels_of(patch);
+        let (basis, slots) = (block.basis_of(patch), &slots[block.slots_of(patch)]);
+        let mut ahead = &[][..];
+        if let Some(next) = chosen.peek() {
+            ahead = block.basis_of(*next).starts;
+            let [rows, columns] = block.pixels_of(*next);
+            block_rows[rows].iter().for_each(|row| kernel::ask_for(row[columns.clone()].as_flattened()));
         }
-    }
-}
-
-/// The pixels of all patches of a block from its sums, into its rows.
-pub(crate) fn write_block(kernel: &Kernel, block: &ResidentBlock, slots: &[Slot], block_rows: &mut [&mut [[f32; 3]]]) {
-    for patch in 0..block.patches.len() {
-        write_patch(kernel, block, patch, &slots[block.slots_of(patch)], block_rows);
+        let components = components(slots).min(basis.components);
+        if components > 0 {
+            kernel.pixels(&basis, ahead, slots, components, &mut pixels);
+        } else {
+            pixels = [[0.0; 3]; PIXELS];
+        }
+        for (row, from) in block_rows[rows].iter_mut().zip(pixels.as_chunks::<8>().0) {
+            let to = &mut row[columns.clone()];
+            match <&mut [_; 8]>::try_from(&mut *to) {
+                Ok(to) => *to = *from,
+                Err(_) => to.copy_from_slice(&from[..to.len()]),
+            }
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a light gives each square and group of squares: one table a position, shared by all blocks.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use relumine_basis::Coefficients;
 use relumine_field::packed::Groups;
@@ -83,14 +85,10 @@ impl LightWeights {
         self.lit.iter().map(|lit| lit.position)
     }
 
-    /// Squares and groups.
-    pub(crate) fn ids(&self) -> usize {
-        self.ids
-    }
-
-    /// Lit positions and their tables.
-    pub(crate) fn tables(&self) -> impl ExactSizeIterator<Item = (Lit, &[Row])> {
-        self.lit.iter().copied().zip(self.table.chunks_exact(self.ids.max(1)))
+    /// Some of the lit positions, by their number among these, and their tables.
+    pub(crate) fn tables(&self, chosen: Range<usize>) -> impl ExactSizeIterator<Item = (Lit, &[Row])> {
+        let rows = &self.table[chosen.start * self.ids..chosen.end * self.ids];
+        self.lit[chosen].iter().copied().zip(rows.chunks_exact(self.ids.max(1)))
     }
 }
 

@@ -8,20 +8,21 @@ mod lanes;
 #[cfg(test)]
 mod tests;
 
-use relumine_field::packed::Patches;
-
-use crate::packed::block::{PIXELS, Segment, Slot};
+use crate::packed::block::{Basis, COMPONENTS, PIXELS, Segment, Slot};
 use crate::packed::weights::Row;
 use lanes::Lanes;
 
 /// Adds the atoms of a position: all of them, or the first coefficients of the wholes.
 type Add = unsafe fn(&Segment<'_>, &[Row], &mut [Row], &mut [Slot]);
 /// Σ step · basis · v of a patch.
-type Pixels = unsafe fn((&[i8], &[i8]), &[f32], &[Slot], usize, &mut [[f32; 3]; PIXELS]);
+type Pixels = unsafe fn(&Basis<'_>, &[u32], &[Slot], usize, &mut [[f32; 3]; PIXELS]);
 
-/// Asks for memory that will be read soon.
-pub(super) fn ask_for(bytes: &[u8]) {
-    bytes.iter().step_by(64).for_each(|byte| lanes::prefetch(byte));
+/// Asks for memory that will be needed soon, of two lines of the cache at most.
+pub(super) fn ask_for(values: &[f32]) {
+    if let (Some(first), Some(last)) = (values.first(), values.last()) {
+        lanes::prefetch(std::ptr::from_ref(first).cast());
+        lanes::prefetch(std::ptr::from_ref(last).cast());
+    }
 }
 
 /// The loops for one kind of machine.
@@ -107,25 +108,26 @@ impl Kernel {
         }
     }
 
-    /// Σ step · basis · v over the first `components` of a patch: its 8 × 8 pixels, row-major. The basis `ahead` is that needed next.
+    /// Σ step · basis · v over the first `components` of a patch: its 8 × 8 pixels, row-major. `ahead` says where the basis
+    /// begins that will be needed next.
     pub(super) fn pixels(
         &self,
-        (basis, steps): (&[i8], &[f32]),
-        ahead: &[i8],
+        basis: &Basis<'_>,
+        ahead: &[u32],
         slots: &[Slot],
         components: usize,
         out: &mut [[f32; 3]; PIXELS],
     ) {
-        assert!(
-            components <= steps.len()
-                && components * 3 * PIXELS <= basis.len()
-                && components <= slots.len() * Patches::SIDE,
-            "components that the patch has not"
-        );
+        let groups = components.div_ceil(COMPONENTS);
+        assert!(groups <= slots.len() && groups <= basis.steps.len(), "components that the patch has not");
+        for (group, start) in basis.starts[..groups].iter().enumerate() {
+            let end = *start as usize + COMPONENTS.min(components - group * COMPONENTS);
+            assert!(end * 3 * PIXELS <= basis.values.len(), "components that the basis has not");
+        }
         // SAFETY: kernels are only made for machines that have their features, and all parts are long enough.
         #[allow(unsafe_code)]
         unsafe {
-            (self.pixels)((basis, ahead), steps, slots, components, out);
+            (self.pixels)(basis, ahead, slots, components, out);
         }
     }
 }
@@ -135,7 +137,7 @@ macro_rules! kernel {
     ($module:ident, $name:literal, $eight:ty, $wide:ty, $(#[$features:meta])*) => {
         #[allow(unsafe_code)]
         mod $module {
-            use super::{Kernel, PIXELS, Row, Segment, Slot, generic, lanes};
+            use super::{Basis, Kernel, PIXELS, Row, Segment, Slot, generic, lanes};
 
             pub(super) const KERNEL: Kernel =
                 Kernel { name: $name, add: add::<false>, add_sparse: add::<true>, add_wholes, pixels };
@@ -165,14 +167,14 @@ macro_rules! kernel {
             /// As the generic version, and the machine has the features.
             $(#[$features])*
             unsafe fn pixels(
-                basis: (&[i8], &[i8]),
-                steps: &[f32],
+                basis: &Basis<'_>,
+                ahead: &[u32],
                 slots: &[Slot],
                 components: usize,
                 out: &mut [[f32; 3]; PIXELS],
             ) {
                 // SAFETY: the caller's.
-                unsafe { generic::pixels::<$wide>(basis, steps, slots, components, out) }
+                unsafe { generic::pixels::<$wide>(basis, ahead, slots, components, out) }
             }
         }
     };

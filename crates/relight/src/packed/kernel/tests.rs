@@ -22,9 +22,9 @@ fn bits(kernel: &Kernel, block: &ResidentBlock, sparse: bool, every: usize) -> [
     }
     let mut pixels = Vec::new();
     for patch in 0..block.patches.len() {
-        let (basis, steps) = block.basis_of(patch);
+        let basis = block.basis_of(patch);
         let mut out = [[0.0; 3]; PIXELS];
-        kernel.pixels((basis, steps), &[], &slots[block.slots_of(patch)], steps.len(), &mut out);
+        kernel.pixels(&basis, &[], &slots[block.slots_of(patch)], basis.components, &mut out);
         pixels.extend(out.as_flattened().iter().map(|value| value.to_bits()));
     }
     let of = |slots: &[Slot]| slots.iter().flat_map(|slot| slot.0.as_flattened()).map(|sum| sum.to_bits()).collect();
