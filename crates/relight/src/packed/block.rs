@@ -8,10 +8,10 @@
 //! ```text
 //! u16 lists, u16 others      of each run: lists, and atoms of each besides the whole
 //! u16 × lists                slots of the lists
-//! u16 × lists                ids of the wholes
+//! u16 × lists                ids of the wholes, twofold: as many times 8 bytes is where the row of a table begins
 //! u8 × lists                 exponents of the wholes
 //! i8 × 8 × lists             first coefficients of the wholes
-//! u16 × others               ids of the other atoms, list by list
+//! u16 × others               ids of the other atoms, twofold, list by list
 //! u8 × others                their exponents
 //! i8 × 8 × others            their first coefficients
 //! u16 × tails                number of the atom: wholes first, then the others

@@ -7,6 +7,8 @@ use relumine_field::packed::{Atom, POSITIONS_A_CHUNK, PackedBlock};
 use crate::packed::block::{COMPONENTS, PIXELS, Place};
 use crate::packed::{PackedError, ResidentBlock};
 
+/// Ids are kept twofold.
+const MOST_IDS: usize = MOST / 2;
 /// Numbers of lists, atoms, tails and slots are kept in 16 bits.
 const MOST: usize = u16::MAX as usize;
 /// Exponents are below this; [`relumine_field::packed::Atoms::parse`] sees to it.
@@ -51,6 +53,9 @@ impl ResidentBlock {
             places: Vec::with_capacity(positions),
             bytes: Vec::new(),
         };
+        if resident.ids() > MOST_IDS {
+            return Err(PackedError::TooMany { what: "squares and groups", found: resident.ids(), most: MOST_IDS });
+        }
         let mut longest = vec![0; patches.len()];
         for position in (0..positions).filter(|position| read(*position)) {
             for (patch, longest) in longest.iter_mut().enumerate() {
@@ -223,7 +228,7 @@ impl<'a> Lists<'a> {
 
 /// Ids, exponents and first coefficients.
 fn write_atoms<'b, I: Iterator<Item = &'b (u16, u8, &'b [i8])>>(atoms: impl Fn() -> I, bytes: &mut Vec<u8>) {
-    bytes.extend(atoms().flat_map(|(id, _, _)| id.to_le_bytes()));
+    bytes.extend(atoms().flat_map(|(id, _, _)| (2 * id).to_le_bytes()));
     bytes.extend(atoms().map(|(_, exponent, _)| exponent));
     atoms().for_each(|(_, _, coefficients)| write_coefficients(coefficients, bytes));
 }

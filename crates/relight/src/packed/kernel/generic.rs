@@ -27,18 +27,17 @@ unsafe fn word(bytes: &[u8], index: usize) -> usize {
     u16::from_le(unsafe { bytes.as_ptr().cast::<u16>().add(index).read_unaligned() }).into()
 }
 
-/// The row of the table for the `index`-th atom, and 2^exponent.
+/// The row of the table that an id and an exponent ask for, and 2^exponent.
 ///
 /// # Safety
-/// There must be an `index`-th id and exponent, and a row of that id.
+/// There must be such, and the pointers lead to them.
 #[inline(always)]
-unsafe fn row<L: Lanes>((ids, exponents): (&[u8], &[u8]), index: usize, table: &[Row]) -> (L::Four, f32) {
-    // SAFETY: the caller's; exponents are below 32.
+unsafe fn row<L: Lanes>(id: *const u8, exponent: *const u8, table: *const Row) -> (L::Four, f32) {
+    // SAFETY: the caller's; exponents are below 32, and half rows have 8 bytes.
     unsafe {
-        let id = word(ids, index);
-        debug_assert!(id < table.len() && exponents[index] < 32);
-        let power = POWERS.get_unchecked(usize::from(*exponents.get_unchecked(index)));
-        (L::load_four(table.get_unchecked(id)), *power)
+        let half_rows = usize::from(u16::from_le(id.cast::<u16>().read_unaligned()));
+        let row = table.cast::<[f32; 2]>().add(half_rows).cast::<Row>();
+        (L::load_four(&*row), *POWERS.get_unchecked(usize::from(*exponent)))
     }
 }
 
@@ -171,26 +170,32 @@ unsafe fn add_run<L: Lanes, const SPARSE: bool, const OTHERS: usize>(
         let of_wholes = weights.as_mut_ptr();
         let of_others = of_wholes.add(segment.lists);
         // All weights first: what follows then reads each of them into all lanes at once.
-        let mut first = run.other;
+        let table = table.as_ptr();
+        let (whole_ids, whole_exponents) = (segment.whole_ids.as_ptr(), segment.whole_exponents.as_ptr());
+        let mut ids = segment.ids.as_ptr().add(2 * run.other);
+        let mut exponents = segment.exponents.as_ptr().add(run.other);
+        let mut to = of_others.add(run.other);
         for whole in run.whole..run.whole + run.lists {
             prefetch(segment.ahead.as_ptr().wrapping_add(whole * run.ahead));
-            let (main, power) = row::<L>((segment.whole_ids, segment.whole_exponents), whole, table);
+            let (main, power) = row::<L>(whole_ids.add(2 * whole), whole_exponents.add(whole), table);
             let weight = L::scale_four(main, power);
             let mut lit = weight;
-            for other in first..first + others {
-                let (radiance, power) = row::<L>((segment.ids, segment.exponents), other, table);
+            for other in 0..others {
+                let (radiance, power) = row::<L>(ids.add(2 * other), exponents.add(other), table);
                 let weight = L::scale_four(L::less_four(radiance, main), power);
-                L::store_four(weight, &mut *of_others.add(other));
+                L::store_four(weight, &mut *to.add(other));
                 if SPARSE {
                     lit = L::or_four(lit, weight);
                 }
             }
+            ids = ids.add(2 * others);
+            exponents = exponents.add(others);
+            to = to.add(others);
             L::store_four(weight, &mut *of_wholes.add(whole));
             if SPARSE {
                 // The lane that is no channel says whether anything in the list is lit.
                 (*of_wholes.add(whole)).0[3] = if L::is_zero_four(lit) { 0.0 } else { 1.0 };
             }
-            first += others;
         }
         let mut first = run.other;
         for whole in run.whole..run.whole + run.lists {
@@ -229,7 +234,9 @@ pub(super) unsafe fn add_wholes<L: Lanes>(segment: &Segment<'_>, table: &[Row], 
     // SAFETY: there are as many wholes as lists; the rest is the caller's.
     unsafe {
         for whole in 0..segment.lists {
-            let (main, power) = row::<L>((segment.whole_ids, segment.whole_exponents), whole, table);
+            let (id, exponent) =
+                (segment.whole_ids.as_ptr().add(2 * whole), segment.whole_exponents.as_ptr().add(whole));
+            let (main, power) = row::<L>(id, exponent, table.as_ptr());
             let mut weight = Row::default();
             L::store_four(L::scale_four(main, power), &mut weight);
             let more = times(&weight, coefficients::<L>(segment.whole_coefficients, whole));
