@@ -162,33 +162,23 @@ def numpy_step(field, lights, work):
     """All R in memory as float32: one product a channel, in turn with the kernel of the same field and lights."""
     folder = work / "dense"
     report = {key: value for key, value in measured("dense", field, folder, "--light", *lights).items() if key != "process"}
-    weights, pictures = numpy.load(folder / "lights.npy"), numpy.load(folder / "pictures.npy")
-    basis = numpy.load(folder / "basis.npy")
-    shutil.rmtree(folder)
     rows = {name: {"numpy_ms": [], "numpy_lit_cells_ms": [], "kernel_ms": []} for name in report["lights"]}
     for _ in range(arguments.rounds):
-        for name, light, expected in zip(report["lights"], weights, pictures):
-            times, lit = rows[name], numpy.flatnonzero(light.any(0))
-            for _ in range(3):
-                started = time.perf_counter()
-                relit = numpy.stack([numpy.tensordot(light[channel], basis[channel], 1) for channel in range(3)])
-                times["numpy_ms"].append(1e3 * (time.perf_counter() - started))
-            if len(lit) <= light.shape[1] // 8:
-                started = time.perf_counter()
-                numpy.stack([numpy.tensordot(light[channel, lit], basis[channel][lit], 1) for channel in range(3)])
-                times["numpy_lit_cells_ms"].append(1e3 * (time.perf_counter() - started))
-            shown = float(numpy.linalg.norm(expected))
-            times["lit_cells"] = len(lit)
-            times["kernel_is_off_by"] = float(numpy.linalg.norm(relit - expected)) / shown if shown else None
+        # In a process of its own: what a process holds counts as the peak of those that it starts.
+        printed, _ = watched(sys.executable, root / "benches/paper_scale/product.py", folder)
+        for row, product in zip(rows.values(), json.loads(printed)):
+            row["numpy_ms"] += product["all_ms"]
+            row["numpy_lit_cells_ms"] += product["lit_ms"]
+            row.update({key: product[key] for key in ("lit_cells", "kernel_is_off_by")})
         kernel = measured("time", field, "--light", *lights, "--repeat", arguments.repeat, "--brief")
-        for case in kernel["lights"]:
-            rows["random" if case["light"] == "every coefficient changed" else case["light"]]["kernel_ms"].append(case["ms"]["min"])
-    for times in rows.values():
+        for row, case in zip(rows.values(), kernel["lights"]):
+            row["kernel_ms"].append(case["ms"]["min"])
+    shutil.rmtree(folder)
+    for row in rows.values():
         for key in ("numpy_ms", "numpy_lit_cells_ms", "kernel_ms"):
-            found = sorted(times[key])
-            times[key] = {"min": round(found[0], 3), "median": round(statistics.median(found), 3)} if found else None
-        fastest = min(times[key]["min"] for key in ("numpy_ms", "numpy_lit_cells_ms") if times[key])
-        times["ratio"] = round(fastest / times["kernel_ms"]["min"], 2)
+            row[key] = {"min": round(min(row[key]), 3), "median": round(statistics.median(row[key]), 3)} if row[key] else None
+        row["numpy_best_ms"] = min(row[key]["min"] for key in ("numpy_ms", "numpy_lit_cells_ms") if row[key])
+        row["ratio"] = round(row["numpy_best_ms"] / row["kernel_ms"]["min"], 2)
     return {**report, "numpy": numpy.__version__, "resident_bytes": kernel["resident_bytes"], "lights": rows}
 
 
@@ -221,22 +211,22 @@ def baseline_step(lossless, lights, work):
         _, usage = watched(relumine, "-q", "pack", lossless, "-o", packed, "--error", f"{error:.6f}", "--force")
         errors = errors_of(packed, reference, lights, work)
         every, data = bytes_of(packed)
-        tried.append({"error": round(error, 6), "bytes": every, "bytes_of_blocks": data, "errors": errors,
-                      "within": all(found <= within for found in errors.values() if found is not None), **usage})
-        return tried[-1]["within"]
+        worst = max((found for found in errors.values() if found is not None), default=0)
+        tried.append({"error": round(error, 6), "bytes": every, "bytes_of_blocks": data, "errors": errors, "worst": worst, **usage})
+        return worst <= within
 
     say("baseline: packed")
-    # The largest error to 9 %: first by halves, then between the last two.
+    # The largest error to 9 %: first by halves, as long as that helps, then between the last two.
     low, high = 1e-4, 8 * within
-    while not pack(high) and high / 2 >= low:
+    while not pack(high) and high / 2 >= low and (len(tried) < 2 or tried[-1]["worst"] <= tried[-2]["worst"]):
         high /= 2
-    if tried[-1]["within"] and len(tried) > 1:
+    if tried[-1]["worst"] <= within and len(tried) > 1:
         low, high = high, 2 * high
         for _ in range(3):
             middle = math.sqrt(low * high)
             low, high = (middle, high) if pack(middle) else (low, middle)
     shutil.rmtree(packed)
-    best = max((row for row in tried if row["within"]), key=lambda row: row["error"], default=None)
+    best = max((row for row in tried if row["worst"] <= within), key=lambda row: row["error"], default=None)
     ratio = paper and best and round(paper["rle_huffman_bytes"] / best["bytes_of_blocks"], 2)
     return {"within": within, "lossless_bytes": bytes_of(lossless)[0], "paper": paper, "paper_took": usage, "packed": best,
             "tried": tried, "paper_over_packed_bytes": ratio}
@@ -316,13 +306,14 @@ def table(report):
         yield (f"from disk: {case['light']:<17} {case['lit_positions']:>4} positions  cold {case['cold_ms']['median']:.1f} ms, warm "
                f"{case['warm_ms']['median']:.1f} ms")
     for name, case in report.get("numpy", {}).get("lights", {}).items():
-        yield f"numpy: {name:<12} {case['numpy_ms']['min']:.1f} ms, kernel {case['kernel_ms']['min']:.3f} ms: {case['ratio']} times"
+        yield f"numpy: {name:<12} {case['numpy_best_ms']:.2f} ms, kernel {case['kernel_ms']['min']:.3f} ms: {case['ratio']} times"
     if found := report.get("baseline"):
         if found["paper"] and found["packed"]:
             yield (f"within {found['within']}: the paper's coding {found['paper']['rle_huffman_bytes'] / 1e6:.2f} MB, packed to "
                    f"{found['packed']['error']} {found['packed']['bytes_of_blocks'] / 1e6:.2f} MB: {found['paper_over_packed_bytes']} times")
         else:
-            yield f"within {found['within']}: not reached"
+            nearest = min(found["tried"], key=lambda row: row["worst"])
+            yield f"within {found['within']}: not reached; packed to {nearest['error']} the worst light is off by {nearest['worst']:.4f}"
     for name, usage in report.get("peaks", {}).items():
         yield f"peak of {name}: {usage['peak_rss_mb']} MB, {usage['wall_s']} s"
 

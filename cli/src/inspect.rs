@@ -23,8 +23,9 @@ use crate::projection::ProjectionArguments;
 pub(crate) struct Arguments {
     /// What to look at
     path: PathBuf,
-    /// Hold a field against another one: how pictures relit from them differ, under lights drawn at random, always the same
-    #[arg(long, value_name = "FIELD")]
+    /// Hold a field against another one: how pictures relit from them differ, under lights drawn at random, always the same;
+    /// or against a capture: how it relights what some photographs show
+    #[arg(long, value_name = "CAPTURE_OR_FIELD")]
     against: Option<PathBuf>,
     /// With --against: a further light to compare under; may be given several times
     #[arg(long = "light", value_name = "LIGHT", requires = "against")]
@@ -36,6 +37,9 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let path = &arguments.path;
     if let Some(reference) = &arguments.against {
+        if is_capture(reference) {
+            return against::a_capture(path, reference);
+        }
         return against::another_field(path, reference, &arguments.lights, &arguments.projection, talk);
     }
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());

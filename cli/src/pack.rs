@@ -77,24 +77,24 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     bar.finish_and_clear();
     repacking.finish()?;
     let packed = ReflectanceField::open(&arguments.output)?;
-    if packed.is_packed() {
-        say_kept(&packed, talk);
+    if let Some(kept) = kept_in_words(&packed) {
+        talk.say(format!("of the light: {kept}"));
     }
     Ok(())
 }
 
-/// Where the light of a packed field went.
-pub(crate) fn say_kept(field: &ReflectanceField, talk: &Talk) {
+/// Where the light of a packed field went; `None` if it is not packed or shows nothing.
+pub(crate) fn kept_in_words(field: &ReflectanceField) -> Option<String> {
     let kept = kept(field);
-    if kept.whole > 0.0 && kept.power > 0.0 {
-        let percent = |part: f64| 100.0 * part / kept.whole;
-        talk.say(format!(
-            "of the light {:.2} % in main squares, {:.2} % in other squares, {:.2} % shared out in coarse squares; \
-             wholes are off by {:.3} % (relative L2)",
+    let percent = |part: f64| 100.0 * part / kept.whole;
+    (kept.whole > 0.0 && kept.power > 0.0).then(|| {
+        format!(
+            "{:.2} % in main squares, {:.2} % in other squares, {:.2} % shared out in coarse squares; wholes are off by {:.3} % \
+             (relative L2)",
             100.0 - percent(kept.squares) - percent(kept.coarse),
             percent(kept.squares),
             percent(kept.coarse),
             100.0 * (kept.residual / kept.power).sqrt()
-        ));
-    }
+        )
+    })
 }

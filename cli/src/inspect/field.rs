@@ -26,6 +26,12 @@ pub(super) fn inspect(path: &Path) -> Result<(), Failure> {
     line("cells", cells.len().to_string())?;
     line("pictures", format!("{width} × {height}"))?;
     line("made", field.header().made.to_string())?;
+    if let Some(packing) = field.header().packing {
+        line("packed", format!("to {} % of what all squares of a position show, patch for patch", 100.0 * packing.error))?;
+        if let Some(kept) = crate::pack::kept_in_words(&field) {
+            line("light", kept)?;
+        }
+    }
     let reports: Vec<DevelopedReport> =
         field.records().iter().map(|record| DevelopedReport::of(record).unwrap_or_default()).collect();
     for (name, value) in [

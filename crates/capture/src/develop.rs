@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use relumine_radiometry::files::{self, Picture};
 use relumine_radiometry::{
-    Counts, Image, Linear, Linearization, Merged, NoiseModel, Visibility, merge_counts, merge_linear,
+    Counts, Image, Linear, Linearization, Merged, NoiseModel, Radiance, Visibility, merge_counts, merge_linear,
 };
 use sha2::{Digest, Sha256};
 
@@ -80,6 +80,25 @@ impl Developer {
     /// Bytes that one position needs in memory while it is developed, and `tile_pixels` of its squares are told apart.
     pub fn bytes_per_position(&self, tile_pixels: usize) -> usize {
         self.capture.setup().developing_bytes(tile_pixels)
+    }
+
+    /// What the photographs of one pattern show more than the black frame: radiance, with the projector's black in it once less
+    /// (1 − b of what its white would show). `None` if a photograph is missing or damaged.
+    ///
+    /// # Errors
+    /// If a picture is whole but not what `capture.toml` promises.
+    pub fn above_black(&self, position: usize, pattern: ShownPattern) -> Result<Option<Image<Radiance>>, CaptureError> {
+        let mut losses = Vec::new();
+        let (Some(shown), Some(black)) =
+            (self.radiance(position, pattern, &mut losses)?, self.radiance(position, ShownPattern::Black, &mut losses)?)
+        else {
+            return Ok(None);
+        };
+        let mut picture = shown.radiance;
+        for (pixel, black) in picture.pixels_mut().iter_mut().zip(black.radiance.pixels()) {
+            (0..3).for_each(|channel| pixel[channel] -= black[channel]);
+        }
+        Ok(Some(picture))
     }
 
     /// Reads the photographs of a position and makes radiance of them. Inside, `Err` with what was lost if there is no black

@@ -1,11 +1,13 @@
-//! How far one field is from another under lights.
+//! How far a field is from another under lights, or from the photographs of a capture.
 
-use relumine_basis::{Cells, Coefficients};
+use relumine_basis::{Cell, Cells, Coefficients};
+use relumine_capture::separation::Method;
+use relumine_capture::{Capture, Developer, Scheme};
 use relumine_field::ReflectanceField;
 use relumine_radiometry::{Difference, difference};
 use relumine_relight::{RelightError, Relighting};
 
-use crate::Error;
+use crate::{DevelopedReport, Error};
 
 /// A light to hold fields against each other under.
 #[derive(Clone, Debug)]
@@ -88,6 +90,63 @@ pub fn differences(
         .zip(&expected)
         .map(|(found, expected)| difference(found, expected, None, false))
         .collect())
+}
+
+/// How pictures relit from `field` under the patterns that a projector showed differ from the photographs of `capture`, black
+/// subtracted: `count` photographs drawn at random, but always the same, of those whose squares the field has. Their own noise is
+/// in the figures.
+///
+/// # Errors
+/// If one cannot be read, or the field is of other cells than the capture.
+pub fn differences_from_photographs(
+    field: &ReflectanceField,
+    capture: Capture,
+    count: usize,
+) -> Result<Vec<(String, Option<Difference>)>, Error> {
+    let developer = Developer::new(capture, Method::default(), None)?;
+    let setup = developer.capture().setup();
+    let shape = |cells: &Cells, (width, height): (usize, usize)| {
+        format!("{} positions of {m} × {m} squares, pictures of {width} × {height}", cells.positions(), m = cells.squares())
+    };
+    let (found, expected) = (shape(field.cells(), field.picture_size()), shape(setup.cells(), setup.picture_size()));
+    if found != expected {
+        return Err(Error::NotAlike { path: field.path().to_path_buf(), expected, found });
+    }
+    let m = field.cells().squares();
+    let spacing = match setup.scheme() {
+        Scheme::Combs { spacing } => spacing,
+        Scheme::Squares => 1,
+    };
+    let patterns = setup.scheme().lighting(m);
+    let mut random = Random(0x5851_f42d_4c95_7f2d);
+    let mut drawn = Vec::new();
+    // Some may be missing: draw more than are asked for, but not for ever.
+    for _ in 0..4 * count {
+        if drawn.len() == count {
+            break;
+        }
+        let (position, pattern) = (random.below(field.cells().positions()), patterns[random.below(patterns.len())]);
+        let lit = pattern.lit(m, spacing).into_iter().map(|(u, v)| Cell { position, u, v });
+        let mut coefficients = field.cells().dark();
+        let mut whole = true;
+        for cell in lit {
+            let index = field.cells().index(cell);
+            whole &= !field.is_missing(index);
+            coefficients.values_mut()[index] = [(1.0 / setup.transfer_per_radiance(cell)) as f32; 3];
+        }
+        if !whole {
+            continue;
+        }
+        let Some(mut shown) = developer.above_black(position, pattern)? else { continue };
+        let black = field.records().get(position).and_then(DevelopedReport::of).and_then(|report| report.black_level);
+        let scale = (1.0 / (1.0 - black.unwrap_or(0.0))) as f32;
+        shown.pixels_mut().iter_mut().flatten().for_each(|value| *value *= scale);
+        drawn.push((format!("position {position}, {pattern}"), coefficients, shown));
+    }
+    let coefficients: Vec<Coefficients> = drawn.iter().map(|(_, coefficients, _)| coefficients.clone()).collect();
+    let relit = Relighting::new(field, &coefficients)?.run()?;
+    let against = |((name, _, shown), relit)| (name, difference(&relit, &shown, None, false));
+    Ok(drawn.into_iter().zip(relit).map(against).collect())
 }
 
 /// A small generator of our own: the lights are part of what `inspect` promises, so they must never change.

@@ -36,7 +36,7 @@ mod pack;
 mod queue;
 mod scene_field;
 
-pub use against::{TestLight, differences, test_lights};
+pub use against::{TestLight, differences, differences_from_photographs, test_lights};
 pub use check::CaptureCheck;
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
 pub use error::Error;

@@ -4,7 +4,7 @@ use half::slice::HalfFloatSliceExt;
 
 use crate::packed::basis::{Basis, Enough, dot, norm};
 use crate::packed::sketch::{PatchSketch, QUARTERS, quarter, quarter_sizes};
-use crate::packed::{Groups, Kept};
+use crate::packed::{Atoms, Groups, Kept};
 
 /// The errors of a square's parts add up, and the picture of one square is dimmer than that of all: what is allowed for is
 /// this share of the error asked for.
@@ -21,8 +21,9 @@ const OF_GROUP: f64 = 0.2;
 /// The basis may leave this share of what is allowed.
 const OF_BASIS: f64 = 0.65;
 
-/// Components that groups are coded in: what is left is smooth.
-const GROUP_RANK: usize = 4;
+/// Components that groups are coded in: what is left is smooth. Each may be two digits.
+const GROUP_COMPONENTS: usize = 4;
+const GROUP_RANK: usize = 2 * GROUP_COMPONENTS;
 
 /// The exponent of coefficients that count whole steps; smaller ones count parts of them.
 const EXPONENT: i32 = 12;
@@ -74,7 +75,7 @@ pub(crate) fn pack_patch(
     rows.extend(parts.iter().flat_map(|parts| parts.squares.iter().map(|(_, values)| values.clone())));
     let basis = Basis::of_rows(&rows, &Enough { residual: OF_BASIS * allowed, rank: MOST_RANK });
     let coder = Coder::new(basis, allowed, length);
-    let smooth = Smooth::new(&coder.basis, [height, width]);
+    let smooth = Smooth::new(&coder, [height, width]);
     let mut kept = Kept::default();
     let sizes = groups.sizes();
     let m2 = squares * squares;
@@ -172,32 +173,58 @@ struct Coder {
     basis: Basis,
     /// By component, in units of length along it.
     steps: Vec<f32>,
+    /// By component: whether it is the one before it once more, in finer steps.
+    again: Vec<bool>,
     /// By number of components: mean square error of quantising them all.
     noise: Vec<f64>,
 }
 
 impl Coder {
     fn new(basis: Basis, allowed: f64, length: usize) -> Self {
-        // One step for all components is best for the mean square error; where most coefficients would not fit 8 bits, more.
+        // One step for all components is best for the mean square error. Where most coefficients would not fit 8 bits, they
+        // are two digits: the component stands in the basis twice, in coarse steps and in fine ones.
         let step = allowed * (12.0 / length as f64).sqrt();
-        let steps: Vec<f32> = basis
-            .strengths
-            .iter()
-            .map(|strength| {
-                let over = 4.0 * f64::from(*strength) / (127.0 * step);
-                (step * over.log2().ceil().max(0.0).exp2()) as f32
-            })
-            .collect();
-        let mut noise = vec![0.0];
-        for step in &steps {
-            noise.push(noise.last().unwrap_or(&0.0) + f64::from(*step).powi(2) / 12.0);
+        let (mut digits, mut steps, mut again) = (Basis::default(), Vec::new(), Vec::new());
+        for component in 0..basis.vectors.len() {
+            let over = 4.0 * f64::from(basis.strengths[component]) / (127.0 * step);
+            let coarse = step * over.log2().ceil().max(0.0).exp2();
+            let fine = step.max(coarse / 128.0);
+            let left = Atoms::MOST_COEFFICIENTS - digits.vectors.len() - (basis.vectors.len() - component);
+            let both = [(coarse, false), (fine, true)];
+            for (step, is_again) in both.into_iter().take(if coarse > step && left > 0 { 2 } else { 1 }) {
+                digits.vectors.push(basis.vectors[component].clone());
+                digits.units.push(basis.units[component].clone());
+                digits.per_unit.push(basis.per_unit[component]);
+                digits.strengths.push(basis.strengths[component]);
+                steps.push(step as f32);
+                again.push(is_again);
+            }
         }
-        Self { basis, steps, noise }
+        let mut noise = vec![0.0];
+        for (index, step) in steps.iter().enumerate() {
+            let of_step = f64::from(*step).powi(2) / 12.0;
+            // The fine digit's takes the place of the coarse one's.
+            let before = noise[if again[index] { index - 1 } else { index }];
+            noise.push(before + of_step);
+        }
+        Self { basis: digits, steps, again, noise }
     }
 
     /// Codes `values` to about `error`; leaves what is lost.
     fn code(&self, id: u16, values: &mut [f32], error: f64) -> OwnedAtom {
-        let exact: Vec<f32> = self.basis.units.iter().map(|unit| dot(unit, values)).collect();
+        // One after the other: units are not quite orthogonal, so what the earlier ones say must not be said again.
+        let mut left = values.to_vec();
+        let exact: Vec<f32> = self
+            .basis
+            .units
+            .iter()
+            .zip(&self.again)
+            .map(|(unit, again)| {
+                let value = if *again { 0.0 } else { dot(unit, &left) };
+                left.iter_mut().zip(unit).for_each(|(left, unit)| *left -= value * unit);
+                value
+            })
+            .collect();
         let (length, exponent) = self.shape(&exact, error);
         let scale = ((exponent - EXPONENT) as f32).exp2();
         let mut coefficients = vec![0i8; length];
@@ -216,7 +243,13 @@ impl Coder {
     fn code_coefficients(&self, id: u16, exact: &[f32], error: f64) -> OwnedAtom {
         let (length, exponent) = self.shape(exact, error);
         let scale = ((exponent - EXPONENT) as f32).exp2();
-        let coefficients = exact[..length].iter().zip(&self.steps).map(|(value, step)| quantise(value / (step * scale)));
+        let mut left = 0.0;
+        let coefficients = exact[..length].iter().zip(&self.steps).zip(&self.again).map(|((value, step), again)| {
+            let value = if *again { left } else { *value };
+            let coefficient = quantise(value / (step * scale));
+            left = value - f32::from(coefficient) * step * scale;
+            coefficient
+        });
         atom(id, exponent, coefficients.collect())
     }
 
@@ -233,10 +266,13 @@ impl Coder {
             }
             length -= 1;
         }
+        if length > 0 && length < exact.len() && self.again[length] {
+            length += 1;
+        }
         let over = exact[..length].iter().zip(&self.steps).fold(0.0f32, |over, (value, step)| over.max(value.abs() / (127.0 * step)));
         let fits = if over > 0.0 { over.log2().ceil() as i32 } else { i32::MIN / 2 };
         let fine = (power / self.noise[length].max(f64::MIN_POSITIVE)).log2() / 2.0;
-        let most = i32::from(crate::packed::Atoms::EXPONENTS) - 1;
+        let most = i32::from(Atoms::EXPONENTS) - 1;
         (length, (fits.max(fine.floor().clamp(-100.0, 100.0) as i32) + EXPONENT).clamp(0, most))
     }
 
@@ -269,13 +305,19 @@ struct Smooth {
 }
 
 impl Smooth {
-    fn new(basis: &Basis, [height, width]: [usize; 2]) -> Self {
-        let rank = basis.units.len().min(GROUP_RANK);
+    fn new(Coder { basis, again, .. }: &Coder, [height, width]: [usize; 2]) -> Self {
+        let next = (0..basis.units.len()).filter(|component| !again[*component]).nth(GROUP_COMPONENTS);
+        let rank = next.unwrap_or(basis.units.len());
         let sizes = quarter_sizes(height, width);
         let means: Vec<[f64; 3 * QUARTERS]> = basis.units[..rank]
             .iter()
-            .map(|unit| {
+            .zip(again)
+            .map(|(unit, again)| {
                 let mut means = [0.0; 3 * QUARTERS];
+                // A second digit takes what the first leaves.
+                if *again {
+                    return means;
+                }
                 for (index, value) in unit.iter().enumerate() {
                     let (channel, pixel) = (index / (height * width), index % (height * width));
                     let quarter = quarter(pixel / width, height, pixel % width, width);
@@ -285,7 +327,8 @@ impl Smooth {
             })
             .collect();
         // Least squares, held back where the means say little: (BᵀB + ν Λ⁻¹) c = Bᵀ m with Λ the components' own strengths.
-        let power: f64 = basis.strengths.iter().map(|strength| f64::from(*strength).powi(2)).sum();
+        let first_digits = basis.strengths.iter().zip(again).filter(|(_, again)| !**again);
+        let power: f64 = first_digits.map(|(strength, _)| f64::from(*strength).powi(2)).sum();
         let doubt = 0.01 * power / (3 * height * width) as f64;
         let mut matrix = [[0.0; GROUP_RANK]; GROUP_RANK];
         for (i, row) in matrix.iter_mut().enumerate().take(rank) {
