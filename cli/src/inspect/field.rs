@@ -27,7 +27,10 @@ pub(super) fn inspect(path: &Path) -> Result<(), Failure> {
     line("pictures", format!("{width} × {height}"))?;
     line("made", field.header().made.to_string())?;
     if let Some(packing) = field.header().packing {
-        line("packed", format!("to {} % of what all squares of a position show, patch for patch", 100.0 * packing.error))?;
+        line(
+            "packed",
+            format!("to {} % of what all squares of a position show, patch for patch", 100.0 * packing.error),
+        )?;
         if let Some(kept) = crate::pack::kept_in_words(&field) {
             line("light", kept)?;
         }

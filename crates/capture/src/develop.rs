@@ -89,9 +89,10 @@ impl Developer {
     /// If a picture is whole but not what `capture.toml` promises.
     pub fn above_black(&self, position: usize, pattern: ShownPattern) -> Result<Option<Image<Radiance>>, CaptureError> {
         let mut losses = Vec::new();
-        let (Some(shown), Some(black)) =
-            (self.radiance(position, pattern, &mut losses)?, self.radiance(position, ShownPattern::Black, &mut losses)?)
-        else {
+        let (Some(shown), Some(black)) = (
+            self.radiance(position, pattern, &mut losses)?,
+            self.radiance(position, ShownPattern::Black, &mut losses)?,
+        ) else {
             return Ok(None);
         };
         let mut picture = shown.radiance;

@@ -72,10 +72,7 @@ impl Blocks {
     /// The pixels of block (row, column) of the whole picture, cut at its border.
     pub fn block_extent(&self, [row, column]: [usize; 2]) -> Extent {
         let cut = |index: usize, side: usize, length: usize| index * side..((index + 1) * side).min(length);
-        Extent {
-            columns: cut(column, self.block[1], self.picture[1]),
-            rows: cut(row, self.block[0], self.picture[0]),
-        }
+        Extent { columns: cut(column, self.block[1], self.picture[1]), rows: cut(row, self.block[0], self.picture[0]) }
     }
 
     /// The tile of block (row, column) of the whole picture, and the block within it.

@@ -98,7 +98,16 @@ impl Header {
             }
             Reach::Far => Lamps::Distant { irradiance: vec![[1.0; 3]; cells.positions()] },
         };
-        Self { format: Self::FORMAT.into(), title, picture, positions, lamps, units: Self::UNITS.into(), made, packing: None }
+        Self {
+            format: Self::FORMAT.into(),
+            title,
+            picture,
+            positions,
+            lamps,
+            units: Self::UNITS.into(),
+            made,
+            packing: None,
+        }
     }
 
     /// The cells of the field.

@@ -178,11 +178,7 @@ impl ReflectanceField {
     ///
     /// # Panics
     /// If the field is not packed or has no such block.
-    pub fn packed_block(
-        &self,
-        block: [usize; 2],
-        wanted: impl Fn(usize) -> bool,
-    ) -> Result<PackedBlock, FieldError> {
+    pub fn packed_block(&self, block: [usize; 2], wanted: impl Fn(usize) -> bool) -> Result<PackedBlock, FieldError> {
         let record = &self.packed[block[0] * self.blocks().grid()[1] + block[1]];
         let extent = self.blocks().block_extent(block);
         let (squares, positions) = (self.cells.squares(), self.cells.positions());
@@ -208,7 +204,12 @@ impl ReflectanceField {
         values.resize(m2 * 3 * extent.pixels(), f16::ZERO);
         if self.is_packed() {
             let groups = Groups::new(self.cells.squares());
-            self.packed_block(block, |wanted| wanted == position)?.decode(position, &groups, self.scale(position), values);
+            self.packed_block(block, |wanted| wanted == position)?.decode(
+                position,
+                &groups,
+                self.scale(position),
+                values,
+            );
             return Ok(());
         }
         let (tile, inner) = blocks.tile_of(block);

@@ -260,8 +260,10 @@ impl FieldWriter {
             })
             .collect::<io::Result<_>>()
             .map_err(|source| FieldError::Write { path: path.clone(), source })?;
-        let (frames, known): (Vec<_>, Vec<_>) =
-            sketched.into_iter().map(|sketched| sketched.map_or((None, None), |(frame, known)| (Some(frame), Some(known)))).unzip();
+        let (frames, known): (Vec<_>, Vec<_>) = sketched
+            .into_iter()
+            .map(|sketched| sketched.map_or((None, None), |(frame, known)| (Some(frame), Some(known))))
+            .unzip();
         sketched::write(&path, &frames)?;
         Ok(known.into_iter().flatten().collect())
     }

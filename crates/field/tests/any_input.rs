@@ -9,7 +9,8 @@ use half::f16;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use relumine_basis::{Cells, Layout, Partition, Pattern, Reach};
-use relumine_field::{Damage, FieldError, FieldWriter, Header, PositionRecord, ReflectanceField};
+use relumine_field::packed::{Atoms, Keep, Patches, Sketch};
+use relumine_field::{Damage, FieldError, FieldWriter, Header, Packing, PositionRecord, ReflectanceField};
 use relumine_radiometry::{Image, Transfer};
 use tempfile::TempDir;
 
@@ -22,34 +23,60 @@ struct Written {
     transfers: Vec<Image<Transfer>>,
 }
 
-static WRITTEN: LazyLock<Written> = LazyLock::new(|| {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("small.field");
-    let reach = Reach::Near { radius_m: 2.0, pattern: Pattern::new(2, 0.3).expect("a pattern") };
-    let cells = Cells::new(Partition::new(Layout::Grid { azimuths: 2, tilts: 1 }).expect("a partition"), reach);
-    let header = Header::new(&cells.expect("cells"), SIZE, Some("small".into()), serde_json::Value::Null);
-    let writer = FieldWriter::open(&path, header, "any input", false).expect("a writer");
-    let plane = SIZE[0] * SIZE[1];
-    for position in 0..2 {
-        // Noise in most squares; one is dark and has no block.
-        let value = |i: usize| if i / (3 * plane) == 1 { 0.0 } else { ((i * 7919 + position) % 1009) as f32 / 8.0 };
-        let values: Vec<f16> = (0..4 * 3 * plane).map(|i| f16::from_f32(value(i))).collect();
-        writer.write_tile(position, [0, 0], &values).expect("a tile");
-        let missing = if position == 1 { vec![3] } else { vec![] };
-        let record = PositionRecord { position, scale: 0.25, missing, report: serde_json::json!({ "seconds": 1.5 }) };
-        let mut clipped = vec![0; plane];
-        clipped[17] = 2;
-        writer.finish_position(record, &clipped).expect("a position");
+/// With halves of every square, and the same packed.
+static WRITTEN: LazyLock<Written> = LazyLock::new(|| Written::new(None));
+static PACKED: LazyLock<Written> = LazyLock::new(|| Written::new(Some(Packing { error: 0.02 })));
+
+impl Written {
+    fn new(packing: Option<Packing>) -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("small.field");
+        let reach = Reach::Near { radius_m: 2.0, pattern: Pattern::new(2, 0.3).expect("a pattern") };
+        let cells = Cells::new(Partition::new(Layout::Grid { azimuths: 2, tilts: 1 }).expect("a partition"), reach);
+        let mut header = Header::new(&cells.expect("cells"), SIZE, Some("small".into()), serde_json::Value::Null);
+        header.packing = packing;
+        let writer = FieldWriter::open(&path, header, "any input", false).expect("a writer");
+        let plane = SIZE[0] * SIZE[1];
+        for position in 0..2 {
+            // Noise in most squares; one is dark and has no block.
+            let value = |i: usize| if i / (3 * plane) == 1 { 0.0 } else { ((i * 7919 + position) % 1009) as f32 / 8.0 };
+            let values: Vec<f16> = (0..4 * 3 * plane).map(|i| f16::from_f32(value(i))).collect();
+            match packing {
+                None => writer.write_tile(position, [0, 0], &values).expect("a tile"),
+                Some(Packing { error }) => {
+                    let sketch = |extent: &relumine_field::Extent| {
+                        let rows = values.chunks_exact(SIZE[0]).flat_map(|row| &row[extent.columns.clone()]);
+                        let patches = Patches::new(extent.rows.len(), extent.columns.len());
+                        (
+                            Sketch::new(&patches, 2, &rows.copied().collect::<Vec<_>>(), 0.25, &Keep::for_error(error)),
+                            (),
+                        )
+                    };
+                    writer.write_sketches(position, [0, 0], sketch).expect("sketches");
+                }
+            }
+            let missing = if position == 1 { vec![3] } else { vec![] };
+            let record =
+                PositionRecord { position, scale: 0.25, missing, report: serde_json::json!({ "seconds": 1.5 }) };
+            let mut clipped = vec![0; plane];
+            clipped[17] = 2;
+            writer.finish_position(record, &clipped).expect("a position");
+        }
+        if packing.is_some() {
+            writer.all_blocks().for_each(|block| {
+                writer.pack_sketched(block).expect("a block");
+            });
+        }
+        writer.finish().expect("a field");
+        let field = ReflectanceField::open(&path).expect("the field");
+        let transfers = (0..field.cells().len()).map(|cell| field.transfer(cell).expect("a transfer")).collect();
+        let mut files = Vec::new();
+        list(&path, "", &mut files);
+        files.sort();
+        assert_eq!(files[0].0, "checksums.b3");
+        Self { files, transfers }
     }
-    writer.finish().expect("a field");
-    let field = ReflectanceField::open(&path).expect("the field");
-    let transfers = (0..field.cells().len()).map(|cell| field.transfer(cell).expect("a transfer")).collect();
-    let mut files = Vec::new();
-    list(&path, "", &mut files);
-    files.sort();
-    assert_eq!(files[0].0, "checksums.b3");
-    Written { files, transfers }
-});
+}
 
 fn list(field: &Path, below: &str, files: &mut Vec<(String, Vec<u8>)>) {
     for entry in fs::read_dir(field.join(below)).expect("a folder") {
@@ -71,10 +98,10 @@ struct Spoiled {
 }
 
 impl Spoiled {
-    fn new() -> Mutex<Self> {
+    fn new(written: &Written) -> Mutex<Self> {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("copy.field");
-        for (name, whole) in &WRITTEN.files {
+        for (name, whole) in &written.files {
             let file = path.join(name);
             fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
             fs::write(&file, whole).expect("a file");
@@ -113,11 +140,11 @@ fn transfers(path: &Path) -> Result<Vec<Image<Transfer>>, FieldError> {
 }
 
 /// Holds a field in which the file `name` is damaged against the one that was written.
-fn check(path: &Path, name: &str, what: &str) {
+fn check(written: &Written, path: &Path, name: &str, what: &str) {
     match transfers(path) {
         Ok(found) => {
             // The metadata are not held against their digest when a field is opened: `verify` does that.
-            assert!(name == "zarr.json" || found == WRITTEN.transfers, "{name}, {what}: other light, and no error");
+            assert!(name == "zarr.json" || found == written.transfers, "{name}, {what}: other light, and no error");
         }
         Err(error) => assert!(error.to_string().contains("copy.field"), "{name}, {what}: {error}"),
     }
@@ -126,7 +153,7 @@ fn check(path: &Path, name: &str, what: &str) {
     match field.verify() {
         // A digest in capitals says the same.
         Ok(damage) if name == "checksums.b3" => {
-            let (found, whole) = (fs::read(path.join(name)).expect("the list"), &WRITTEN.files[0].1);
+            let (found, whole) = (fs::read(path.join(name)).expect("the list"), &written.files[0].1);
             assert!(!damage.is_empty() || found.eq_ignore_ascii_case(whole), "{what}");
         }
         Ok(damage) => assert_eq!(damage, [Damage::Changed(name.into())], "{what}"),
@@ -140,37 +167,46 @@ fn seeded(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
 }
 
+/// A field of either kind, and the copy that is spoiled. One test at a time spoils it.
+fn of_kind(packed: bool) -> (&'static Written, &'static Mutex<Spoiled>) {
+    static COPIES: [LazyLock<Mutex<Spoiled>>; 2] =
+        [LazyLock::new(|| Spoiled::new(&WRITTEN)), LazyLock::new(|| Spoiled::new(&PACKED))];
+    (if packed { &PACKED } else { &WRITTEN }, &COPIES[usize::from(packed)])
+}
+
 proptest! {
-    #![proptest_config(seeded(400))]
+    #![proptest_config(seeded(600))]
 
     #[test]
-    fn a_flipped_bit_is_never_silent(file in any::<Index>(), at in any::<Index>(), bit in 0..8_u8) {
-        static COPY: LazyLock<Mutex<Spoiled>> = LazyLock::new(Spoiled::new);
-        let file = file.get(&WRITTEN.files);
+    fn a_flipped_bit_is_never_silent(packed in any::<bool>(), file in any::<Index>(), at in any::<Index>(), bit in 0..8_u8) {
+        let (written, copy) = of_kind(packed);
+        let file = file.get(&written.files);
         let mut bytes = file.1.clone();
         let at = at.index(bytes.len());
         bytes[at] ^= 1_u8 << bit;
         let what = format!("bit {bit} of byte {at} flipped");
-        COPY.lock().unwrap_or_else(PoisonError::into_inner).with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
+        let copy = copy.lock().unwrap_or_else(PoisonError::into_inner);
+        copy.with_file(file, Some(&bytes), |path| check(written, path, &file.0, &what));
     }
 
     #[test]
     fn a_torn_or_overwritten_file_is_never_silent(
-        file in any::<Index>(), at in any::<Index>(), tail in any::<Option<Vec<u8>>>()
+        packed in any::<bool>(), file in any::<Index>(), at in any::<Index>(), tail in any::<Option<Vec<u8>>>()
     ) {
-        static COPY: LazyLock<Mutex<Spoiled>> = LazyLock::new(Spoiled::new);
-        let file = file.get(&WRITTEN.files);
+        let (written, copy) = of_kind(packed);
+        let file = file.get(&written.files);
         let at = at.index(file.1.len());
         let bytes = [&file.1[..at], &tail.unwrap_or_default()].concat();
         prop_assume!(bytes != file.1);
         let what = format!("other bytes from {at} on");
-        COPY.lock().unwrap_or_else(PoisonError::into_inner).with_file(file, Some(&bytes), |path| check(path, &file.0, &what));
+        let copy = copy.lock().unwrap_or_else(PoisonError::into_inner);
+        copy.with_file(file, Some(&bytes), |path| check(written, path, &file.0, &what));
     }
 }
 
 #[test]
 fn every_byte_of_a_shard_counts() {
-    let copy = Spoiled::new().into_inner().expect("a copy");
+    let copy = Spoiled::new(&WRITTEN).into_inner().expect("a copy");
     let file = WRITTEN.files.iter().find(|(name, _)| name == "transfer/c/0/0/0/0/0/0").expect("a shard");
     let mut bytes = file.1.clone();
     // Every byte near the end, where the index is, and some of the blocks.
@@ -186,29 +222,70 @@ fn every_byte_of_a_shard_counts() {
 }
 
 #[test]
+fn every_byte_of_a_packed_block_counts() {
+    let copy = Spoiled::new(&PACKED).into_inner().expect("a copy");
+    let arrays = ["basis/c/0/0/0/0", "steps/c/0/0/0", "atoms/c/0/0"].map(|array| format!("packed/0-1/{array}"));
+    for file in PACKED.files.iter().filter(|(name, _)| arrays.contains(name)) {
+        let mut bytes = file.1.clone();
+        let every = bytes.len() / 150 + 1;
+        for at in (0..bytes.len()).filter(|at| at + 40 > file.1.len() || at % every == 0) {
+            bytes[at] ^= 1_u8 << (at % 8);
+            copy.with_file(file, Some(&bytes), |path| match transfers(path) {
+                Ok(found) => assert!(found == PACKED.transfers, "byte {at} of {}: other light, and no error", file.0),
+                Err(error) => assert!(error.to_string().contains(&file.0), "byte {at} of {}: {error}", file.0),
+            });
+            bytes[at] = file.1[at];
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(seeded(2000))]
+
+    /// What [`Atoms::parse`] accepts can be read to the end: as many atoms as announced, each within what was asked.
+    #[test]
+    fn any_bytes_are_atoms_or_an_error(
+        bytes in proptest::collection::vec(prop_oneof![3 => 0..3_u8, 1 => any::<u8>()], 0..200),
+        positions in 0..3_usize, patches in 0..4_usize, rank in 0..5_usize, ids in 0..30_usize
+    ) {
+        if let Ok(atoms) = Atoms::parse(bytes, positions, patches, rank, ids) {
+            let lists = (0..positions).flat_map(|position| (0..patches).map(move |patch| (position, patch)));
+            let all: Vec<_> = lists.flat_map(|(position, patch)| atoms.of(position, patch)).collect();
+            prop_assert_eq!(all.len(), atoms.len());
+            for atom in all {
+                prop_assert!(usize::from(atom.id) < ids && atom.coefficients.len() <= rank);
+                prop_assert!(atom.exponent < Atoms::EXPONENTS);
+            }
+        }
+    }
+}
+
+#[test]
 fn a_file_that_is_not_there_is_found() {
-    let copy = Spoiled::new().into_inner().expect("a copy");
-    for file in &WRITTEN.files {
-        copy.with_file(file, None, |path| {
-            if let Ok(found) = transfers(path) {
-                assert!(found == WRITTEN.transfers, "without {}: other light, and no error", file.0);
-            }
-            let Ok(field) = ReflectanceField::open(path) else { return };
-            match field.verify() {
-                Ok(damage) => assert_eq!(damage, [Damage::Missing((&file.0).into())]),
-                Err(_) => assert_eq!(file.0, "checksums.b3"),
-            }
+    for written in [&WRITTEN, &PACKED] {
+        let copy = Spoiled::new(written).into_inner().expect("a copy");
+        for file in &written.files {
+            copy.with_file(file, None, |path| {
+                if let Ok(found) = transfers(path) {
+                    assert!(found == written.transfers, "without {}: other light, and no error", file.0);
+                }
+                let Ok(field) = ReflectanceField::open(path) else { return };
+                match field.verify() {
+                    Ok(damage) => assert_eq!(damage, [Damage::Missing((&file.0).into())]),
+                    Err(_) => assert_eq!(file.0, "checksums.b3"),
+                }
+            });
+        }
+        copy.with_file(&written.files[0], Some(&written.files[0].1), |path| {
+            let field = ReflectanceField::open(path).expect("the field");
+            assert_eq!(field.verify().expect("the digests"), []);
         });
     }
-    copy.with_file(&WRITTEN.files[0], Some(&WRITTEN.files[0].1), |path| {
-        let field = ReflectanceField::open(path).expect("the field");
-        assert_eq!(field.verify().expect("the digests"), []);
-    });
 }
 
 #[test]
 fn a_changed_scale_is_found_when_the_field_is_opened() {
-    let copy = Spoiled::new().into_inner().expect("a copy");
+    let copy = Spoiled::new(&WRITTEN).into_inner().expect("a copy");
     let file = WRITTEN.files.iter().find(|(name, _)| name == "zarr.json").expect("the metadata");
     let text = String::from_utf8_lossy(&file.1).replace("0.25", "0.26");
     assert_ne!(text.as_bytes(), file.1);

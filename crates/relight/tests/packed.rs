@@ -310,7 +310,14 @@ fn full_scale() {
         let mut some = all.clone();
         let n: usize = n.parse().unwrap();
         some.values_mut()[n * 256..].fill([0.0; 3]);
+        let cpu = || -> f64 {
+            let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
+            let f: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
+            (f[11].parse::<f64>().unwrap() + f[12].parse::<f64>().unwrap()) * 10.0
+        };
+        let before = cpu();
         show("only", time(if n > 100 { 100 } else { 1000 }, || field.relight_into(&some, &mut picture).unwrap()));
+        println!("only cpu/2 {:.2} ms", (cpu() - before) / 2.0 / if n > 100 { 100.0 } else { 1000.0 });
         return;
     }
     show("weights of all", time(20, || drop(field.weights(&all).unwrap())));

@@ -32,7 +32,8 @@ pub fn test_lights(cells: &Cells) -> Vec<TestLight> {
         lights.push(TestLight { name, coefficients });
     };
     add("uniform".into(), &mut |_, _, _| [1.0; 3]);
-    let directions: Vec<[f64; 3]> = cells.partition().positions().iter().map(|position| position.direction().to_array()).collect();
+    let directions: Vec<[f64; 3]> =
+        cells.partition().positions().iter().map(|position| position.direction().to_array()).collect();
     add("smooth sky".into(), &mut |p, _, _| {
         let [x, y, z] = directions[p];
         [1.0 + 0.8 * x, 1.0 + 0.8 * y, 0.6 + 0.8 * z].map(|value| value.max(0.05) as f32)
@@ -85,11 +86,7 @@ pub fn differences(
     let coefficients: Vec<Coefficients> = lights.iter().map(|light| light.coefficients.clone()).collect();
     let relit = |field| -> Result<_, RelightError> { Relighting::new(field, &coefficients)?.run() };
     let (found, expected) = (relit(field)?, relit(reference)?);
-    Ok(found
-        .iter()
-        .zip(&expected)
-        .map(|(found, expected)| difference(found, expected, None, false))
-        .collect())
+    Ok(found.iter().zip(&expected).map(|(found, expected)| difference(found, expected, None, false)).collect())
 }
 
 /// How pictures relit from `field` under the patterns that a projector showed differ from the photographs of `capture`, black
@@ -106,7 +103,11 @@ pub fn differences_from_photographs(
     let developer = Developer::new(capture, Method::default(), None)?;
     let setup = developer.capture().setup();
     let shape = |cells: &Cells, (width, height): (usize, usize)| {
-        format!("{} positions of {m} × {m} squares, pictures of {width} × {height}", cells.positions(), m = cells.squares())
+        format!(
+            "{} positions of {m} × {m} squares, pictures of {width} × {height}",
+            cells.positions(),
+            m = cells.squares()
+        )
     };
     let (found, expected) = (shape(field.cells(), field.picture_size()), shape(setup.cells(), setup.picture_size()));
     if found != expected {

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
 use relumine_capture::separation::{Method, Residual};
 use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Setup, Tile};
-use rayon::prelude::*;
 use relumine_field::packed::{Keep, Patches, Sketch};
 use relumine_field::{Blocks, Extent, FieldError, FieldWriter, Header, PositionRecord};
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,13 @@ pub struct DevelopOptions {
 
 impl Default for DevelopOptions {
     fn default() -> Self {
-        Self { separation: Method::default(), black_level: None, memory_bytes: 1 << 30, encoding: Encoding::Lossless, replace: false }
+        Self {
+            separation: Method::default(),
+            black_level: None,
+            memory_bytes: 1 << 30,
+            encoding: Encoding::Lossless,
+            replace: false,
+        }
     }
 }
 
@@ -283,7 +289,8 @@ impl Development {
                     self.writer.write_tile(position, tile, &values)?;
                 }
                 Encoding::Packed(_) => {
-                    let black = |extent: &Extent| (Sketch::black(&Patches::new(extent.rows.len(), extent.columns.len())), ());
+                    let black =
+                        |extent: &Extent| (Sketch::black(&Patches::new(extent.rows.len(), extent.columns.len())), ());
                     self.writer.write_sketches(position, tile, black)?;
                 }
             }

@@ -143,7 +143,11 @@ impl Error {
             ),
             Self::File(error) => !matches!(error, FileError::Write { .. }),
             Self::Scene(_) | Self::Light(_) | Self::NothingUsable { .. } | Self::LampList { .. } => true,
-            Self::Incident(_) | Self::Relight(_) | Self::NotAlike { .. } | Self::Render(_) | Self::NeitherMosaicNorMap { .. } => false,
+            Self::Incident(_)
+            | Self::Relight(_)
+            | Self::NotAlike { .. }
+            | Self::Render(_)
+            | Self::NeitherMosaicNorMap { .. } => false,
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use half::f16;
 use rayon::prelude::*;
-use relumine_field::packed::{Keep, Kept, Sketch, Patches};
+use relumine_field::packed::{Keep, Kept, Patches, Sketch};
 use relumine_field::{BlockBuffer, FieldError, FieldWriter, Packing, ReflectanceField};
 
 use crate::Error;
@@ -52,7 +52,13 @@ impl Repacking {
     ///
     /// # Errors
     /// If `from` cannot be read or `to` not be written.
-    pub fn start(from: &Path, to: &Path, encoding: Encoding, memory_bytes: usize, replace: bool) -> Result<Self, Error> {
+    pub fn start(
+        from: &Path,
+        to: &Path,
+        encoding: Encoding,
+        memory_bytes: usize,
+        replace: bool,
+    ) -> Result<Self, Error> {
         let field = ReflectanceField::open(from)?;
         let mut header = field.header().clone();
         header.packing = encoding.packing();

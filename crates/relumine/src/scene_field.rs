@@ -130,9 +130,8 @@ impl SceneField {
 
     /// What the lights given to [`SceneField::witnessed_by`] show of the steps taken so far.
     pub fn witnessed(&self) -> Vec<Image<Radiance>> {
-        let lock = |witness: &Witness| {
-            witness.picture.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone()
-        };
+        let lock =
+            |witness: &Witness| witness.picture.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
         self.witnesses.iter().map(lock).collect()
     }
 
@@ -217,7 +216,10 @@ impl SceneField {
             let width = picture.width();
             for share in &shares {
                 let (square, pixel) = (share.square as usize, share.pixel as usize);
-                let (y, x) = (extent.rows.start + pixel / extent.columns.len(), extent.columns.start + pixel % extent.columns.len());
+                let (y, x) = (
+                    extent.rows.start + pixel / extent.columns.len(),
+                    extent.columns.start + pixel % extent.columns.len(),
+                );
                 let sum = &mut picture.pixels_mut()[y * width + x];
                 for channel in 0..3 {
                     let transfer = share.radiance[channel] * per_radiance[square] * self.scales[position];

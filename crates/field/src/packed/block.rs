@@ -2,8 +2,8 @@
 
 use half::f16;
 
-use crate::packed::{Atoms, Groups, POSITIONS_A_CHUNK, Patches};
 use crate::Extent;
+use crate::packed::{Atoms, Groups, POSITIONS_A_CHUNK, Patches};
 
 /// One block of pixels, read.
 #[derive(Clone, Debug)]
@@ -134,7 +134,8 @@ impl PackedBlock {
         for (component, coefficient) in atom.coefficients.iter().enumerate() {
             let step = self.steps[component * self.patches.len() + patch];
             let value = f32::from(*coefficient) * step * f32::from(atom.exponent).exp2();
-            let lines = (0..3).flat_map(|channel| rows.clone().map(move |y| ((component * 3 + channel) * height + y) * width));
+            let lines =
+                (0..3).flat_map(|channel| rows.clone().map(move |y| ((component * 3 + channel) * height + y) * width));
             for (line, sums) in lines.zip(vector.chunks_exact_mut(columns.len())) {
                 let basis = &self.basis[line..][columns.clone()];
                 sums.iter_mut().zip(basis).for_each(|(sum, entry)| *sum += value * f32::from(*entry));

@@ -15,11 +15,13 @@
 mod atoms;
 mod basis;
 mod block;
+mod coder;
 mod encode;
 mod kept;
 mod patches;
 mod sketch;
 pub(crate) mod sketched;
+mod smooth;
 pub(crate) mod store;
 
 pub use atoms::{Atom, Atoms, POSITIONS_A_CHUNK};

@@ -128,7 +128,8 @@ mod tests {
     #[test]
     fn a_sketch_comes_back_from_disk_and_a_spoiled_one_does_not() {
         let folder = tempfile::tempdir().unwrap();
-        let values: Vec<f16> = (0..16 * 3 * 9 * 11).map(|i| f16::from_f32((i % 97) as f32 / (1 + i / 300) as f32)).collect();
+        let values: Vec<f16> =
+            (0..16 * 3 * 9 * 11).map(|i| f16::from_f32((i % 97) as f32 / (1 + i / 300) as f32)).collect();
         let sketch = Sketch::new(&Patches::new(9, 11), 4, &values, 0.5, &Keep { share: 0.1, most: 4 });
         assert!(sketch.patches.iter().all(|patch| patch.squares.len() == 4));
         let path = path_of(folder.path(), 3, [0, 1]);

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use crate::packed::atoms::Writing;
-use crate::packed::encode::{OwnedAtom, PackedPatch, pack_patch};
+use crate::packed::coder::OwnedAtom;
+use crate::packed::encode::{PackedPatch, pack_patch};
 use crate::packed::{Atom, Atoms, Groups, Kept, POSITIONS_A_CHUNK, PackedBlock, Patches, Sketch};
 use crate::{Extent, FieldError, zarr};
 
@@ -208,7 +209,8 @@ pub(crate) fn read(
         }
         let mut frame = vec![0; bytes as usize];
         file.read_exact_at(&mut frame, offset).map_err(read)?;
-        let of_chunk = |reason: String| damaged(format!("positions {first} to {}: {reason}", first + size_of(chunk) - 1));
+        let of_chunk =
+            |reason: String| damaged(format!("positions {first} to {}: {reason}", first + size_of(chunk) - 1));
         let raw = decompress(&frame, record.bytes).map_err(of_chunk)?;
         let atoms = Atoms::parse(raw, size_of(chunk), patches.len(), rank, ids).map_err(of_chunk)?;
         chunks[chunk] = Some(atoms);
