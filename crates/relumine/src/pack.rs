@@ -20,7 +20,7 @@ pub enum Encoding {
 
 impl Encoding {
     /// The range of errors that can be asked for.
-    pub const ERRORS: std::ops::RangeInclusive<f64> = 1e-4..=0.2;
+    pub const ERRORS: std::ops::RangeInclusive<f64> = 1e-3..=0.2;
 
     pub(crate) fn packing(self) -> Option<Packing> {
         match self {
@@ -80,7 +80,9 @@ impl Repacking {
         let [height, width] = field.blocks().block();
         let squares = field.cells().squares() * field.cells().squares() * 3 * height * width * 2;
         match encoding {
-            Encoding::Packed(_) => squares + field.cells().positions() * Sketch::most_bytes(height * width),
+            Encoding::Packed(error) => {
+                squares + field.cells().positions() * Sketch::most_bytes(height * width, &Keep::for_error(error))
+            }
             Encoding::Lossless => squares * field.blocks().blocks_per_tile().iter().product::<usize>(),
         }
     }

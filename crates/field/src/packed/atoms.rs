@@ -39,8 +39,8 @@ pub struct Atoms {
 }
 
 impl Atoms {
-    /// The most coefficients of an atom.
-    pub const MOST_COEFFICIENTS: usize = 192;
+    /// The most coefficients of an atom: a whole basis of 8 × 8 pixels in three channels, some of it in two digits.
+    pub const MOST_COEFFICIENTS: usize = 255;
     /// Exponents are below this.
     pub const EXPONENTS: u8 = 32;
 

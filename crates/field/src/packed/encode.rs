@@ -24,7 +24,7 @@ const OF_GROUP: f64 = 0.2;
 const OF_BASIS: f64 = 0.65;
 
 /// The most vectors of a basis.
-const MOST_RANK: usize = 128;
+const MOST_RANK: usize = 192;
 
 /// A patch, packed.
 #[derive(Debug, Default)]

@@ -42,7 +42,9 @@ pub struct Keep {
 impl Keep {
     /// What packing to `error` asks of a sketch.
     pub fn for_error(error: f64) -> Self {
-        Self { share: (super::encode::SQUARE_SHARE * error) as f32, most: 32 }
+        // The smaller the error, the more squares are needed by themselves.
+        let most = (0.32 / error).clamp(32.0, 1024.0) as usize;
+        Self { share: (super::encode::SQUARE_SHARE * error) as f32, most }
     }
 }
 
@@ -58,9 +60,9 @@ impl Sketch {
     }
 
     /// About the most bytes of a sketch of a block of so many pixels.
-    pub fn most_bytes(pixels: usize) -> usize {
+    pub fn most_bytes(pixels: usize, keep: &Keep) -> usize {
         // Every patch full of strong squares is not to be expected: a third of the most.
-        pixels * 3 * (4 + 2 * 32 / 3) + pixels / 64 * 16 * 3 * QUARTERS * 4
+        pixels * 3 * (4 + 2 * keep.most / 3) + pixels / 64 * 16 * 3 * QUARTERS * 4
     }
 
     /// Of `values` × `scale`, `[square][channel][row][column]` of the block that `patches` cuts, for M = `squares`.
