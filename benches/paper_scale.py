@@ -15,7 +15,8 @@ lights are those of benches/end_to_end/. Steps:
     peaks      the most memory that `relumine pack` and `relumine relight` take
 
 Try --size 96x64 --samples 4 --window 24 --window-samples 64 --pack-size 96x64 first: two minutes on two cores. Of a window of
-64 pixels a side numpy holds 2.8 GB, in memory and in DIR (default: temporary, removed), which must be empty. Needs numpy, Linux,
+64 pixels a side numpy holds 2.8 GB, in memory and in DIR (default: temporary, removed), which must be empty, or
+of an earlier run: its field is then taken as it is. Needs numpy, Linux,
 and
     cargo build --release --bin relumine && cargo build --release -p relumine --example paper_scale --example rle_huffman
 Compare figures of one file only.
@@ -251,15 +252,32 @@ def peaks_step(field, lights, work):
     return {"pack": {**sizes, **pack}, f"relight, {len(lights)} lights": all_lights, "relight, spots": two_spots}
 
 
+def generate(field, lights, work):
+    """The packed field of the scene, and what it lost."""
+    options = ["--samples", arguments.samples, "--bounces", arguments.bounces, "--error", arguments.error,
+               "--pictures", work / "witnessed", *(["--size", arguments.size] if arguments.size else [])]
+    report = measured("generate", scene, rig, field, "--light", *lights, *options)
+    return {**report, "date": datetime.datetime.now().isoformat(timespec="seconds"), "commit": commit_of_tree(),
+            "load_average": os.getloadavg()}
+
+
+def commit_of_tree():
+    return subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True).stdout.strip()
+
+
 def run(work):
     report, lights = {}, write_lights(work / "lights")
     field = work / "paper.field"
     wanted = lambda step: step not in arguments.skip
     if any(wanted(step) for step in ("generate", "memory", "disk", "peaks")):
-        say("generate")
-        options = ["--samples", arguments.samples, "--bounces", arguments.bounces, "--error", arguments.error,
-                   "--pictures", work / "witnessed", *(["--size", arguments.size] if arguments.size else [])]
-        report["generate"] = measured("generate", scene, rig, field, "--light", *lights, *options)
+        made = work / "generate.json"
+        if made.exists():
+            # Of an earlier run in the same folder: its own date and commit are in it.
+            report["generate"] = json.loads(made.read_text())
+        else:
+            say("generate")
+            report["generate"] = generate(field, lights, work)
+            made.write_text(json.dumps(report["generate"]))
     if wanted("memory"):
         say("memory")
         report["memory"] = measured("time", field, "--light", *lights, "--repeat", arguments.repeat)
@@ -328,20 +346,19 @@ def table(report):
 
 if arguments.work:
     arguments.work.mkdir(parents=True, exist_ok=True)
-    if any(arguments.work.iterdir()):
-        sys.exit(f"{arguments.work} is not empty")
+    if any(arguments.work.iterdir()) and not (arguments.work / "generate.json").exists():
+        sys.exit(f"{arguments.work} is neither empty nor of an earlier run")
     results = run(arguments.work.resolve())
 else:
     with tempfile.TemporaryDirectory(prefix="relumine-paper-scale-") as temporary:
         results = run(pathlib.Path(temporary))
-commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True).stdout.strip()
 model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), platform.machine())
 command = " ".join(["benches/paper_scale.py", *sys.argv[1:]]).replace(str(root.parent), "…")
 report = {"date": datetime.datetime.now().isoformat(timespec="seconds"), "machine": f"{model}, {os.cpu_count()} cores",
-          "load_average": {"before": load_before, "after": os.getloadavg()}, "commit": commit, "command": command,
+          "load_average": {"before": load_before, "after": os.getloadavg()}, "commit": commit_of_tree(), "command": command,
           "seconds": round(time.perf_counter() - begun), **results}
 arguments.runs.mkdir(exist_ok=True)
-path = arguments.runs / f"{report['date'][:10]}-{commit}-paper-scale.json"
+path = arguments.runs / f"{report['date'][:10]}-{report['commit']}-paper-scale.json"
 path.write_text(json.dumps(report, indent=1) + "\n")
 print("\n".join(table(report)))
 print(path)
