@@ -35,8 +35,8 @@ pub(crate) struct Arguments {
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 pub(crate) struct EncodingArguments {
-    /// Pack to this error: what the picture of a square may be off by, patch for patch, over what all squares of a position
-    /// show there; 0.01 is one percent
+    /// Pack to this error: about what pictures of single squares are off by, patch for patch, over what all squares of a
+    /// position show there; 0.01 is one percent
     #[arg(long, value_name = "E", value_parser = error)]
     error: Option<f64>,
     /// Keep every square as halves

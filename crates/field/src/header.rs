@@ -32,8 +32,8 @@ pub struct Header {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Packing {
-    /// What no square's picture may be off by, patch for patch, over what all squares of one position show there, root mean
-    /// square over positions; a share, such as 0.01.
+    /// About what the pictures of squares are off by, patch for patch and root mean square over squares, over what all squares of
+    /// one position show there, root mean square over positions; a share, such as 0.01.
     pub error: f64,
 }
 
@@ -73,6 +73,11 @@ pub enum Lamps {
         /// Irradiance Eᵢ of each lamp, RGB, W·m⁻²: the field is already divided by it.
         irradiance: Vec<[f64; 3]>,
     },
+}
+
+impl Packing {
+    /// The most squares a side: squares and groups are numbered in 16 bits.
+    pub const MOST_SQUARES: usize = 255;
 }
 
 impl Header {

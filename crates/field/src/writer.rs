@@ -17,7 +17,7 @@ use serde_json::json;
 
 use crate::journal::Journal;
 use crate::packed::{BlockRecord, Sketch, sketched, store};
-use crate::{Blocks, Extent, FieldError, Header, PositionRecord, manifest, shard, zarr};
+use crate::{Blocks, Extent, FieldError, Header, Packing, PositionRecord, manifest, shard, zarr};
 
 /// What an old field is called while a new one takes its name.
 const REPLACED: &str = ".replaced";
@@ -44,6 +44,11 @@ impl FieldWriter {
     /// process is writing it, or if nothing can be written.
     pub fn open(path: &Path, header: Header, input: &str, replace: bool) -> Result<Self, FieldError> {
         let geometry = |source| FieldError::Geometry { path: path.to_path_buf(), source };
+        if header.packing.is_some() && header.squares() > Packing::MOST_SQUARES {
+            let (most, found) = (Packing::MOST_SQUARES, header.squares());
+            let reason = format!("packed fields have at most {most} squares a side, but these are {found}");
+            return Err(FieldError::NotAField { path: path.to_path_buf(), reason });
+        }
         // A writer killed while it renamed: the old field goes back to its name, or away if the new one has it.
         let replaced = beside(path, REPLACED);
         if replaced.exists() {

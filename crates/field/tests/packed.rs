@@ -577,7 +577,7 @@ fn a_flipped_bit_is_named_and_shows_no_other_light() {
                         ),
                         Ok(damage) => assert_eq!(damage, [Damage::Changed(name.into())]),
                         Err(error) => {
-                            assert!(name == "checksums.b3" && error.to_string().contains("checksums.b3"), "{error}")
+                            assert!(name == "checksums.b3" && error.to_string().contains("checksums.b3"), "{error}");
                         }
                     }
                     for (index, (found, whole)) in read(&field).into_iter().zip(&whole).enumerate() {

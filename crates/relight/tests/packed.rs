@@ -225,7 +225,7 @@ fn packed_pictures_that_come_step_by_step_end_with_the_exact_one() {
         assert!(progressive.picture().pixels().iter().any(|pixel| *pixel != [0.0; 3]));
         let of = noisy.extents().len();
         let mut before = 0;
-        while let Some(step) = progressive.next() {
+        for step in progressive.by_ref() {
             let Step::Exact { blocks, of: all } = step else { panic!("coarse once") };
             assert!(blocks > before && blocks <= all && all == of);
             before = blocks;
@@ -269,8 +269,15 @@ fn packed_blocks_that_do_not_fit_are_refused() {
     assert!(Incremental::new(&field, &other).is_err());
 }
 
-/// Milliseconds of the fastest of some runs, and their median.
-fn time(runs: usize, mut run: impl FnMut()) -> [f64; 2] {
+/// Milliseconds of the fastest of some runs, their median, and the processor time of a run on each of two cores, which other
+/// programs on the machine disturb less.
+fn time(runs: usize, mut run: impl FnMut()) -> [f64; 3] {
+    let processor_time = || -> f64 {
+        let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+        let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+        fields.skip(11).take(2).map(|ticks| ticks.parse::<f64>().unwrap() * 10.0).sum()
+    };
+    let before = processor_time();
     let mut times: Vec<f64> = (0..runs)
         .map(|_| {
             let start = Instant::now();
@@ -278,8 +285,9 @@ fn time(runs: usize, mut run: impl FnMut()) -> [f64; 2] {
             start.elapsed().as_secs_f64() * 1e3
         })
         .collect();
+    let spent = (processor_time() - before) / 2.0 / runs as f64;
     times.sort_by(f64::total_cmp);
-    [times[0], times[runs / 2]]
+    [times[0], times[runs / 2], spent]
 }
 
 #[test]
@@ -300,29 +308,17 @@ fn full_scale() {
         bytes as f64 / 1e6,
         start.elapsed().as_secs_f64()
     );
-    let show = |what: &str, [best, median]: [f64; 2]| println!("{what:<44} {best:8.2} ms, median {median:8.2} ms");
+    let show = |what: &str, [best, median, spent]: [f64; 3]| {
+        println!("{what:<44} {best:7.2} ms, median {median:7.2}, processor time of two cores {spent:7.2}")
+    };
     let words = vec![1u64; bytes / 8];
     let read = || words.par_chunks(1 << 16).map(|words| words.iter().fold(0, |sum: u64, word| sum.wrapping_add(*word)));
     show("reading as many bytes", time(20, || assert!(read().sum::<u64>() > 0)));
     let mut picture = Image::black(1440, 960);
     let all = light(&noisy, 1, 1);
-    if let Ok(n) = std::env::var("ONLY") {
-        let mut some = all.clone();
-        let n: usize = n.parse().unwrap();
-        some.values_mut()[n * 256..].fill([0.0; 3]);
-        let cpu = || -> f64 {
-            let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
-            let f: Vec<&str> = stat.rsplit(')').next().unwrap().split_whitespace().collect();
-            (f[11].parse::<f64>().unwrap() + f[12].parse::<f64>().unwrap()) * 10.0
-        };
-        let before = cpu();
-        show("only", time(if n > 100 { 100 } else { 1000 }, || field.relight_into(&some, &mut picture).unwrap()));
-        println!("only cpu/2 {:.2} ms", (cpu() - before) / 2.0 / if n > 100 { 100.0 } else { 1000.0 });
-        return;
-    }
     show("weights of all", time(20, || drop(field.weights(&all).unwrap())));
-    show("all cells", time(20, || field.relight_into(&all, &mut picture).unwrap()));
-    show("all cells, another picture", time(20, || drop(field.relight(&all).unwrap())));
+    show("all cells", time(50, || field.relight_into(&all, &mut picture).unwrap()));
+    show("all cells, another picture", time(50, || drop(field.relight(&all).unwrap())));
     let some = |positions: usize| {
         let mut some = all.clone();
         let dark =
@@ -332,7 +328,7 @@ fn full_scale() {
     };
     for positions in [1, 2, 8, 16] {
         let light = some(positions);
-        show(&format!("{positions} positions"), time(50, || field.relight_into(&light, &mut picture).unwrap()));
+        show(&format!("{positions} positions"), time(200, || field.relight_into(&light, &mut picture).unwrap()));
     }
     let spot = |light: &mut Coefficients, step: usize, radiance: f32| {
         for cell in (0..2).flat_map(|p| (0..10).map(move |s| ((40 + p) * 16 + s / 5 + 3) * 16 + s % 5 + step % 10)) {
@@ -343,7 +339,7 @@ fn full_scale() {
     for (name, around) in [("in the dark", spot_light), ("in light from all cells", all.clone())] {
         let mut light = around.clone();
         spot(&mut light, 0, 1.0);
-        show(&format!("a spot {name}, full"), time(50, || field.relight_into(&light, &mut picture).unwrap()));
+        show(&format!("a spot {name}, full"), time(200, || field.relight_into(&light, &mut picture).unwrap()));
         let mut incremental = Incremental::new(&field, &light).unwrap();
         let (mut step, mut update) = (0, None);
         let run = || {
@@ -355,10 +351,11 @@ fn full_scale() {
         show(&format!("a spot moves {name}"), time(200, run));
         println!("    {update:?}, relative L2 {:e}", error(incremental.picture(), &field.relight(&light).unwrap()));
     }
+    show("the coarse picture", time(50, || assert!(field.progressive(&all).unwrap().next().is_some())));
     let mut progressive = field.progressive(&all).unwrap();
-    show("the coarse picture", time(1, || assert!(progressive.next().is_some())));
+    progressive.next();
     let coarse = progressive.picture().clone();
-    show("the rest", time(1, || progressive.by_ref().for_each(drop)));
+    progressive.by_ref().for_each(drop);
     println!("    the coarse picture: relative L2 {:.3}", error(&coarse, progressive.picture()));
     assert_eq!(*progressive.picture(), field.relight(&all).unwrap());
     let block = noisy.block(noisy.extents()[30].clone(), 1);

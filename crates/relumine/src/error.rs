@@ -108,6 +108,7 @@ impl Error {
                 Some("free some space or choose another disk; run the same command again to go on")
             }
             Self::Field(FieldError::Busy { .. }) => Some("wait for it to end, or choose another name"),
+            Self::NotAlike { .. } => Some("hold it against what has the same cells and pictures of the same size"),
             Self::LampList { .. } => Some("correct the list"),
             Self::NothingUsable { .. } => Some("check that the photographs lie where the list says"),
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {

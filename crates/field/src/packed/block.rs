@@ -26,7 +26,8 @@ impl PackedBlock {
     /// The atoms of a patch at a position, the whole first; `None` if the position was not read.
     pub fn atoms(&self, position: usize, patch: usize) -> Option<impl Iterator<Item = crate::packed::Atom<'_>>> {
         let chunk = self.chunks.get(position / POSITIONS_A_CHUNK)?.as_ref()?;
-        Some(chunk.of(position % POSITIONS_A_CHUNK, patch))
+        let position = position % POSITIONS_A_CHUNK;
+        (position < chunk.positions()).then(|| chunk.of(position, patch))
     }
 
     /// Adds `weights` (by square, v · M + u) times the transfers of a position to `picture`,

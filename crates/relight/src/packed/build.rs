@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use relumine_field::packed::{Atom, POSITIONS_A_CHUNK, PackedBlock};
+use relumine_field::packed::{Atom, Atoms, POSITIONS_A_CHUNK, PackedBlock};
 
 use crate::packed::block::{COMPONENTS, PIXELS, Place};
 use crate::packed::{PackedError, ResidentBlock};
@@ -11,8 +11,8 @@ use crate::packed::{PackedError, ResidentBlock};
 const MOST_IDS: usize = MOST / 2;
 /// Numbers of lists, atoms, tails and slots are kept in 16 bits.
 const MOST: usize = u16::MAX as usize;
-/// Exponents are below this; [`relumine_field::packed::Atoms::parse`] sees to it.
-const EXPONENTS: u8 = relumine_field::packed::Atoms::EXPONENTS;
+/// Exponents are below this; [`Atoms::parse`] sees to it.
+const EXPONENTS: u8 = Atoms::EXPONENTS;
 
 impl ResidentBlock {
     /// Lays out a block of a field of `squares` × `squares` squares.
@@ -129,7 +129,7 @@ fn small_ranges((rows, columns): (Range<usize>, Range<usize>)) -> [Range<u32>; 2
 
 /// Positions of a block, the last chunk of which may be short.
 fn positions_of(block: &PackedBlock) -> usize {
-    let last = block.chunks.last().and_then(Option::as_ref).map_or(POSITIONS_A_CHUNK, |atoms| atoms.positions());
+    let last = block.chunks.last().and_then(Option::as_ref).map_or(POSITIONS_A_CHUNK, Atoms::positions);
     block.chunks.len().saturating_sub(1) * POSITIONS_A_CHUNK + if block.chunks.is_empty() { 0 } else { last }
 }
 

@@ -6,7 +6,7 @@ use relumine_radiometry::{Image, Radiance};
 
 use crate::packed::block::{COMPONENTS, Slot};
 use crate::packed::kernel::Kernel;
-use crate::packed::sum::{Summing, clear, write_patches};
+use crate::packed::sum::{Summing, Write, clear, write_patches};
 use crate::packed::weights::check_cells;
 use crate::packed::{LightWeights, PackedError, ResidentBlock, ResidentPacked};
 
@@ -19,13 +19,28 @@ const DRIFT: f64 = 1e6;
 /// What each position adds to the sums v of a patch is computed in single precision and always to the same bits; the sums of
 /// positions are kept in double precision. When a position changes, what it added is taken away and what it adds now is added,
 /// so changes leave nothing behind: after any number of them the picture is that of the present light to [`crate::TOLERANCE`].
-/// Only patches whose sums have changed are made anew.
+/// Only patches whose sums have changed are touched. Mostly few components have, and what they show is added to the pixels; when
+/// the rounding of such additions might be seen, the patch is made anew from its sums.
 pub struct Incremental {
     light: Coefficients,
     picture: Image<Radiance>,
-    sums: Vec<Vec<Sums>>,
+    blocks: Vec<BlockState>,
     /// Σ |change| since all was summed anew.
     changed: f64,
+}
+
+/// A patch is made anew when the squares of all that its pixels were and of what was added to them, since it last was, exceed so
+/// many times the square of what it shows: a few times 10⁻⁷ of it then is rounding.
+const ADDED: f32 = 64.0;
+/// What is added is rounded more often than what it is added to.
+const ROUNDED_MORE: f32 = 8.0;
+
+/// What is kept of a block.
+struct BlockState {
+    /// v of all positions.
+    sums: Vec<Sums>,
+    /// By patch, the squares summed since it was made anew.
+    added: Vec<f32>,
 }
 
 /// A slot in double precision.
@@ -38,8 +53,10 @@ const NOTHING: Sums = [[0.0; COMPONENTS]; 3];
 pub struct Update {
     /// Positions at which the light has changed.
     pub positions: usize,
-    /// Patches made anew.
+    /// Patches that show it.
     pub patches: usize,
+    /// Those of them that were made anew from their sums.
+    pub patches_anew: usize,
     /// Whether all lit positions were summed anew.
     pub anew: bool,
 }
@@ -60,10 +77,14 @@ impl Incremental {
     pub fn new(field: &ResidentPacked, light: &Coefficients) -> Result<Self, PackedError> {
         check_cells(light, field.squares(), field.positions())?;
         let (width, height) = field.picture_size();
-        let sums = field.blocks().iter().map(|block| vec![NOTHING; block.number_of_slots()]).collect();
+        let state = |block: &ResidentBlock| BlockState {
+            sums: vec![NOTHING; block.number_of_slots()],
+            added: vec![0.0; block.patches.len()],
+        };
+        let blocks = field.blocks().iter().map(state).collect();
         let mut dark = light.clone();
         dark.values_mut().fill([0.0; 3]);
-        let mut incremental = Self { light: dark, picture: Image::black(width, height), sums, changed: 0.0 };
+        let mut incremental = Self { light: dark, picture: Image::black(width, height), blocks, changed: 0.0 };
         incremental.update(field, light)?;
         Ok(incremental)
     }
@@ -90,8 +111,10 @@ impl Incremental {
         check_cells(light, squares, positions)?;
         check_cells(&self.light, squares, positions)?;
         assert!(
-            self.sums.len() == field.blocks().len()
-                && self.sums.iter().zip(field.blocks()).all(|(sums, block)| sums.len() == block.number_of_slots()),
+            self.blocks.len() == field.blocks().len()
+                && self.blocks.iter().zip(field.blocks()).all(|(state, block)| {
+                    state.sums.len() == block.number_of_slots() && state.added.len() == block.patches.len()
+                }),
             "another field"
         );
         let m2 = squares * squares;
@@ -108,7 +131,7 @@ impl Incremental {
         let present: f64 = new.as_flattened().iter().map(|value| size(*value)).sum();
         let lit = (0..positions).filter(|position| !light.is_position_dark(*position)).count();
         // Differences take every changed position twice. What is not a number must not stay in the sums.
-        let anew = lit <= 2 * changed.len() || !(self.changed <= DRIFT * present);
+        let anew = lit <= 2 * changed.len() || self.changed > DRIFT * present || !self.changed.is_finite();
         let change = if anew {
             self.changed = 0.0;
             Change::Anew(LightWeights::new(light, squares, positions)?)
@@ -116,33 +139,24 @@ impl Incremental {
             let of = |light: &Coefficients| LightWeights::of_positions(light, squares, positions, &changed);
             Change::Differences(of(&self.light), of(light))
         };
-        let patches = self.apply(field, &change);
+        let [patches, patches_anew] = self.apply(field, &change);
         self.light.clone_from(light);
-        Ok(Update { positions: changed.len(), patches, anew })
+        Ok(Update { positions: changed.len(), patches, patches_anew, anew })
     }
 
-    /// Brings sums and picture up to date; the number of patches made anew.
-    fn apply(&mut self, field: &ResidentPacked, change: &Change) -> usize {
+    /// Brings sums and picture up to date; the number of patches touched and of those made anew.
+    fn apply(&mut self, field: &ResidentPacked, change: &Change) -> [usize; 2] {
         let kernel = Kernel::best();
         let mut shares = field.share_out(&mut self.picture);
-        let blocks = field.blocks().par_iter().zip(&mut self.sums).zip(&mut shares);
-        let update = |work: &mut Work, ((block, sums), rows): ((&ResidentBlock, &mut Vec<Sums>), &mut Vec<_>)| {
-            work.update_sums(&kernel, block, change, sums);
-            clear(&mut work.single, sums.len());
-            work.patches.clear();
-            for patch in 0..block.patches.len() {
-                let slots = block.slots_of(patch);
-                if work.touched[slots.clone()].contains(&true) {
-                    work.patches.push(patch);
-                    for (single, sums) in work.single[slots.clone()].iter_mut().zip(&sums[slots]) {
-                        *single = Slot(sums.map(|channel| channel.map(|sum| sum as f32)));
-                    }
-                }
-            }
-            write_patches(&kernel, block, work.patches.iter().copied(), &work.single, rows);
-            work.patches.len()
+        let blocks = field.blocks().par_iter().zip(&mut self.blocks).zip(&mut shares);
+        let update = |work: &mut Work, ((block, state), rows): ((&ResidentBlock, &mut BlockState), &mut Vec<_>)| {
+            work.update_sums(&kernel, block, change, &mut state.sums);
+            work.choose(block, state);
+            write_patches(&kernel, block, work.patches.iter().copied(), &work.difference, rows);
+            let anew = work.patches.iter().filter(|(_, write)| *write == Write::Over).count();
+            [work.patches.len(), anew]
         };
-        blocks.map_init(Work::default, update).sum()
+        blocks.map_init(Work::default, update).reduce(|| [0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
     }
 }
 
@@ -152,30 +166,39 @@ struct Work {
     old: Summing,
     new: Summing,
     anew: Vec<Sums>,
-    single: Vec<Slot>,
-    /// Patches to be made anew.
-    patches: Vec<usize>,
+    /// What the sums have changed by; all there is for patches to be made anew.
+    difference: Vec<Slot>,
     /// Slots that have changed.
     touched: Vec<bool>,
+    /// Patches that have changed.
+    patches: Vec<(usize, Write)>,
 }
 
 impl Work {
-    /// Brings the sums of a block up to date, and notes which have changed.
+    /// Brings the sums of a block up to date, and notes by what they have changed.
     fn update_sums(&mut self, kernel: &Kernel, block: &ResidentBlock, change: &Change, sums: &mut [Sums]) {
         self.touched.clear();
         self.touched.resize(sums.len(), false);
+        clear(&mut self.difference, sums.len());
         match change {
             Change::Anew(light) => {
                 self.anew.clear();
                 self.anew.resize(sums.len(), NOTHING);
                 for (lit, table) in light.tables(0..light.lit().len()) {
                     let adds = self.new.of_position(kernel, block, lit.position, (table, lit.sparse));
-                    for (sum, adds) in self.anew.as_flattened_mut().as_flattened_mut().iter_mut().zip(flat(adds)) {
-                        *sum += f64::from(*adds);
-                    }
+                    self.anew.iter_mut().zip(adds).for_each(|(sum, adds)| {
+                        each(sum, |channel, component| f64::from(adds.0[channel][component]));
+                    });
                 }
-                for ((sum, anew), touched) in sums.iter_mut().zip(&self.anew).zip(&mut self.touched) {
-                    *touched = sum != anew;
+                let slots = sums.iter_mut().zip(&self.anew).zip(&mut self.touched).zip(&mut self.difference);
+                for (((sum, anew), touched), difference) in slots.filter(|(((sum, anew), _), _)| sum != anew) {
+                    *touched = true;
+                    for channel in 0..3 {
+                        for component in 0..COMPONENTS {
+                            let by = anew[channel][component] - sum[channel][component];
+                            difference.0[channel][component] = by as f32;
+                        }
+                    }
                     *sum = *anew;
                 }
             }
@@ -183,21 +206,72 @@ impl Work {
                 for ((was, old), (is, new)) in old.tables(0..old.lit().len()).zip(new.tables(0..new.lit().len())) {
                     let old = self.old.of_position(kernel, block, was.position, (old, was.sparse));
                     let new = self.new.of_position(kernel, block, is.position, (new, is.sparse));
-                    let slots = old.iter().zip(new).zip(sums.iter_mut()).zip(&mut self.touched);
-                    for (((old, new), sum), touched) in slots.filter(|(((old, new), _), _)| old != new) {
+                    let slots = sums.iter_mut().zip(&mut self.difference).zip(&mut self.touched).zip(old).zip(new);
+                    for ((((sum, difference), touched), old), new) in slots.filter(|((_, old), new)| old != new) {
                         *touched = true;
-                        let values = flat(std::slice::from_ref(old)).zip(flat(std::slice::from_ref(new)));
-                        for (sum, (old, new)) in sum.as_flattened_mut().iter_mut().zip(values) {
-                            *sum += f64::from(*new) - f64::from(*old);
-                        }
+                        each(sum, |channel, component| {
+                            let by = f64::from(new.0[channel][component]) - f64::from(old.0[channel][component]);
+                            difference.0[channel][component] += by as f32;
+                            by
+                        });
                     }
                 }
             }
         }
     }
+
+    /// Chooses the patches that have changed, and those of them that are made anew.
+    fn choose(&mut self, block: &ResidentBlock, state: &mut BlockState) {
+        self.patches.clear();
+        for (patch, added) in state.added.iter_mut().enumerate() {
+            let slots = block.slots_of(patch);
+            if !self.touched[slots.clone()].contains(&true) {
+                continue;
+            }
+            let steps = block.basis_of(patch).steps;
+            let mut now = [0.0; COMPONENTS];
+            let sums = &state.sums[slots.clone()];
+            let difference = &mut self.difference[slots];
+            for (sums, steps) in sums.iter().zip(steps) {
+                add_squares(&mut now, steps, &single(sums));
+            }
+            let mut by = [0.0; COMPONENTS];
+            difference.iter().zip(steps).for_each(|(slot, steps)| add_squares(&mut by, steps, slot));
+            let (now, by) = (now.iter().sum::<f32>(), by.iter().sum::<f32>());
+            *added += now + ROUNDED_MORE * by;
+            let last = sums.iter().rposition(|sums| *sums != NOTHING).map_or(0, |last| last + 1);
+            let last_changed = difference.iter().rposition(|slot| *slot != Slot::ZERO).map_or(0, |last| last + 1);
+            if *added < ADDED * now && last_changed < last {
+                self.patches.push((patch, Write::Onto));
+            } else {
+                *added = 0.0;
+                difference.iter_mut().zip(sums).for_each(|(slot, sums)| *slot = single(sums));
+                self.patches.push((patch, Write::Over));
+            }
+        }
+    }
 }
 
-/// The values of slots.
-fn flat(slots: &[Slot]) -> impl Iterator<Item = &f32> {
-    slots.iter().flat_map(|slot| slot.0.as_flattened())
+/// Adds to each sum of a slot.
+#[inline(always)]
+fn each(sums: &mut Sums, mut more: impl FnMut(usize, usize) -> f64) {
+    for (channel, sums) in sums.iter_mut().enumerate() {
+        for (component, sum) in sums.iter_mut().enumerate() {
+            *sum += more(channel, component);
+        }
+    }
+}
+
+/// A slot in single precision.
+fn single(sums: &Sums) -> Slot {
+    Slot(sums.map(|channel| channel.map(|sum| sum as f32)))
+}
+
+/// Adds the squares of what a slot shows, by component.
+fn add_squares(squares: &mut [f32; COMPONENTS], steps: &[f32; COMPONENTS], slot: &Slot) {
+    for channel in &slot.0 {
+        for ((square, step), sum) in squares.iter_mut().zip(steps).zip(channel) {
+            *square += (step * sum) * (step * sum);
+        }
+    }
 }

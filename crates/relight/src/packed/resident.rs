@@ -10,7 +10,7 @@ use crate::RelightError;
 use crate::packed::block::Slot;
 use crate::packed::kernel::Kernel;
 use crate::packed::rows::Rows;
-use crate::packed::sum::{Summing, write_patches};
+use crate::packed::sum::{Summing, write_block};
 use crate::packed::{LightWeights, PackedError, Progressive, ResidentBlock};
 
 /// A packed field in memory, for lights that follow one another.
@@ -172,7 +172,7 @@ impl ResidentPacked {
             for (block, rows) in blocks.iter().zip(shares) {
                 let (mine, after) = slots.split_at(block.number_of_slots());
                 slots = after;
-                write_patches(&kernel, block, 0..block.patches.len(), mine, rows);
+                write_block(&kernel, block, mine, rows);
             }
         });
     }

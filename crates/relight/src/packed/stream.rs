@@ -5,7 +5,7 @@ use relumine_field::packed::{POSITIONS_A_CHUNK, PackedBlock};
 use relumine_radiometry::{Image, Radiance};
 
 use crate::packed::kernel::Kernel;
-use crate::packed::sum::{Summing, write_patches};
+use crate::packed::sum::{Summing, write_block};
 use crate::packed::{LightWeights, PackedError, ResidentBlock};
 
 /// The pixels of one block under each light, radiance [W·m⁻²·sr⁻¹], to the bits of
@@ -38,7 +38,7 @@ pub fn relight_block(block: &PackedBlock, lights: &[LightWeights]) -> Result<Vec
         let mut picture = Image::black(width, height);
         let mut rows: Vec<&mut [[f32; 3]]> = picture.pixels_mut().chunks_exact_mut(width.max(1)).collect();
         let slots = summing.sum(&kernel, std::slice::from_ref(&resident), light);
-        write_patches(&kernel, &resident, 0..block.patches.len(), slots, &mut rows);
+        write_block(&kernel, &resident, slots, &mut rows);
         picture
     };
     Ok(lights.par_iter().map_init(Summing::default, relight).collect())

@@ -37,9 +37,9 @@ impl Summing {
                     clear(&mut self.partial, sums.len());
                     &mut self.partial
                 };
-                let mut next = light.tables(together.clone()).skip(1);
+                let mut next = light.lit().skip(first + 1).take(TOGETHER - 1);
                 for (lit, table) in light.tables(together.clone()) {
-                    let ahead = next.next().map_or(&[][..], |(lit, _)| block.bytes_of(lit.position));
+                    let ahead = next.next().map_or(&[][..], |position| block.bytes_of(position));
                     if let Some(segment) = block.segment(lit.position) {
                         let segment = Segment { ahead, ..segment };
                         kernel.add((&segment, block.ids()), (table, lit.sparse), &mut self.weights, to);
@@ -60,8 +60,11 @@ impl Summing {
         for block in blocks {
             let (sums, after) = rest.split_at_mut(block.number_of_slots());
             rest = after;
+            let mut next = light.lit().skip(1);
             for (lit, table) in light.tables(0..light.lit().len()) {
+                let ahead = next.next().map_or(&[][..], |position| block.bytes_of(position));
                 if let Some(segment) = block.segment(lit.position) {
+                    let segment = Segment { ahead, ..segment };
                     kernel.add_wholes((&segment, block.ids()), table, &mut self.weights, sums);
                 }
             }
@@ -99,21 +102,28 @@ fn add_all(sums: &mut [Slot], more: &[Slot]) {
     }
 }
 
+/// Whether pixels take the place of what was there or are added to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Write {
+    Over,
+    Onto,
+}
+
 /// The pixels of some patches of a block from the sums of all its slots, into the rows of the block.
 pub(crate) fn write_patches(
     kernel: &Kernel,
     block: &ResidentBlock,
-    chosen: impl Iterator<Item = usize>,
+    chosen: impl Iterator<Item = (usize, Write)>,
     slots: &[Slot],
     block_rows: &mut [&mut [[f32; 3]]],
 ) {
     let mut chosen = chosen.peekable();
     let mut pixels = [[0.0; 3]; PIXELS];
-    while let Some(patch) = chosen.next() {
+    while let Some((patch, write)) = chosen.next() {
         let [rows, columns] = block.pixels_of(patch);
         let (basis, slots) = (block.basis_of(patch), &slots[block.slots_of(patch)]);
         let mut ahead = &[][..];
-        if let Some(next) = chosen.peek() {
+        if let Some((next, _)) = chosen.peek() {
             ahead = block.basis_of(*next).starts;
             let [rows, columns] = block.pixels_of(*next);
             block_rows[rows].iter().for_each(|row| kernel::ask_for(row[columns.clone()].as_flattened()));
@@ -126,12 +136,21 @@ pub(crate) fn write_patches(
         }
         for (row, from) in block_rows[rows].iter_mut().zip(pixels.as_chunks::<8>().0) {
             let to = &mut row[columns.clone()];
-            match <&mut [_; 8]>::try_from(&mut *to) {
-                Ok(to) => *to = *from,
-                Err(_) => to.copy_from_slice(&from[..to.len()]),
+            match (write, <&mut [_; 8]>::try_from(&mut *to)) {
+                (Write::Over, Ok(to)) => *to = *from,
+                (Write::Over, Err(_)) => to.copy_from_slice(&from[..to.len()]),
+                (Write::Onto, _) => {
+                    let (to, from) = (to.as_flattened_mut(), from.as_flattened());
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+                }
             }
         }
     }
+}
+
+/// All patches of a block.
+pub(crate) fn write_block(kernel: &Kernel, block: &ResidentBlock, slots: &[Slot], block_rows: &mut [&mut [[f32; 3]]]) {
+    write_patches(kernel, block, (0..block.patches.len()).map(|patch| (patch, Write::Over)), slots, block_rows);
 }
 
 /// The last component that is not 0, counted from 1.

@@ -1,7 +1,7 @@
 //! The loops, over lanes of any width.
 #![allow(unsafe_code)]
 
-use super::lanes::prefetch;
+use super::lanes::{WithRows, prefetch};
 use super::{Basis, Lanes, PIXELS, Row, Segment, Slot};
 use crate::packed::block::COMPONENTS;
 
@@ -32,7 +32,7 @@ unsafe fn word(bytes: &[u8], index: usize) -> usize {
 /// # Safety
 /// There must be such, and the pointers lead to them.
 #[inline(always)]
-unsafe fn row<L: Lanes>(id: *const u8, exponent: *const u8, table: *const Row) -> (L::Four, f32) {
+unsafe fn row<L: WithRows>(id: *const u8, exponent: *const u8, table: *const Row) -> (L::Four, f32) {
     // SAFETY: the caller's; exponents are below 32, and half rows have 8 bytes.
     unsafe {
         let half_rows = usize::from(u16::from_le(id.cast::<u16>().read_unaligned()));
@@ -99,7 +99,7 @@ unsafe fn add_to<L: Lanes>(slot: &mut Slot, more: [L; 3]) {
 /// # Safety
 /// Ids must be below the rows of `table`, slots below `slots`, and `weights` as many as atoms. Lanes are eight.
 #[inline(always)]
-pub(super) unsafe fn add<L: Lanes, const SPARSE: bool>(
+pub(super) unsafe fn add<L: WithRows, const SPARSE: bool>(
     segment: &Segment<'_>,
     table: &[Row],
     weights: &mut [Row],
@@ -157,7 +157,7 @@ const ANY: usize = usize::MAX;
 /// # Safety
 /// As [`add`], and the segment must have the run.
 #[inline(always)]
-unsafe fn add_run<L: Lanes, const SPARSE: bool, const OTHERS: usize>(
+unsafe fn add_run<L: WithRows, const SPARSE: bool, const OTHERS: usize>(
     segment: &Segment<'_>,
     run: &Run,
     table: &[Row],
@@ -230,10 +230,14 @@ unsafe fn add_run<L: Lanes, const SPARSE: bool, const OTHERS: usize>(
 /// # Safety
 /// As [`add`].
 #[inline(always)]
-pub(super) unsafe fn add_wholes<L: Lanes>(segment: &Segment<'_>, table: &[Row], slots: &mut [Slot]) {
+pub(super) unsafe fn add_wholes<L: WithRows>(segment: &Segment<'_>, table: &[Row], slots: &mut [Slot]) {
     // SAFETY: there are as many wholes as lists; the rest is the caller's.
     unsafe {
         for whole in 0..segment.lists {
+            if whole % 4 == 0 {
+                // What wholes have there lies at its beginning, 13 bytes each.
+                prefetch(segment.ahead.as_ptr().wrapping_add(16 * whole));
+            }
             let (id, exponent) =
                 (segment.whole_ids.as_ptr().add(2 * whole), segment.whole_exponents.as_ptr().add(whole));
             let (main, power) = row::<L>(id, exponent, table.as_ptr());

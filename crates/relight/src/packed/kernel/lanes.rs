@@ -20,9 +20,15 @@ pub(super) trait Lanes: Copy {
     unsafe fn widen(from: *const i8) -> Self;
     unsafe fn add(self, other: Self) -> Self;
     unsafe fn mul(self, other: Self) -> Self;
+}
 
+/// Eight numbers, and four: a row of weights.
+pub(super) trait WithRows: Lanes {
     /// A row of weights.
     type Four: Copy;
+
+    /// # Safety
+    /// Here and below: the machine has the features of these lanes.
     unsafe fn load_four(row: &Row) -> Self::Four;
     unsafe fn store_four(four: Self::Four, row: &mut Row);
     unsafe fn less_four(four: Self::Four, less: Self::Four) -> Self::Four;
@@ -84,7 +90,9 @@ impl Lanes for Plain {
     unsafe fn mul(self, other: Self) -> Self {
         Self(std::array::from_fn(|lane| self.0[lane] * other.0[lane]))
     }
+}
 
+impl WithRows for Plain {
     type Four = [f32; 4];
 
     #[inline(always)]
@@ -131,14 +139,14 @@ mod x86 {
         _mm512_storeu_ps,
     };
 
-    use super::Lanes;
+    use super::{Lanes, WithRows};
     use crate::packed::weights::Row;
 
     /// Eight numbers of AVX2.
     #[derive(Clone, Copy)]
     pub(in super::super) struct Eight(__m256);
 
-    // SAFETY of every block: the caller's.
+    // SAFETY of every block below: the caller's.
     impl Lanes for Eight {
         const COUNT: usize = 8;
 
@@ -171,7 +179,9 @@ mod x86 {
         unsafe fn mul(self, other: Self) -> Self {
             Self(unsafe { _mm256_mul_ps(self.0, other.0) })
         }
+    }
 
+    impl WithRows for Eight {
         type Four = __m128;
 
         #[inline(always)]
@@ -209,7 +219,7 @@ mod x86 {
     #[derive(Clone, Copy)]
     pub(in super::super) struct Sixteen(__m512);
 
-    // SAFETY of every block: the caller's.
+    // SAFETY of every block below: the caller's.
     impl Lanes for Sixteen {
         const COUNT: usize = 16;
 
@@ -242,38 +252,6 @@ mod x86 {
         unsafe fn mul(self, other: Self) -> Self {
             Self(unsafe { _mm512_mul_ps(self.0, other.0) })
         }
-
-        type Four = __m128;
-
-        #[inline(always)]
-        unsafe fn load_four(row: &Row) -> __m128 {
-            unsafe { _mm_load_ps(row.0.as_ptr()) }
-        }
-
-        #[inline(always)]
-        unsafe fn store_four(four: __m128, row: &mut Row) {
-            unsafe { _mm_store_ps(row.0.as_mut_ptr(), four) }
-        }
-
-        #[inline(always)]
-        unsafe fn less_four(four: __m128, less: __m128) -> __m128 {
-            unsafe { _mm_sub_ps(four, less) }
-        }
-
-        #[inline(always)]
-        unsafe fn scale_four(four: __m128, power: f32) -> __m128 {
-            unsafe { _mm_mul_ps(four, _mm_set1_ps(power)) }
-        }
-
-        #[inline(always)]
-        unsafe fn or_four(a: __m128, b: __m128) -> __m128 {
-            unsafe { _mm_or_ps(a, b) }
-        }
-
-        #[inline(always)]
-        unsafe fn is_zero_four(four: __m128) -> bool {
-            unsafe { _mm_movemask_ps(_mm_cmpneq_ps(four, _mm_setzero_ps())) == 0 }
-        }
     }
 }
 
@@ -288,14 +266,14 @@ mod arm {
         vshlq_n_u32, vst1q_f32, vsubq_f32,
     };
 
-    use super::Lanes;
+    use super::{Lanes, WithRows};
     use crate::packed::weights::Row;
 
     /// Eight numbers of NEON.
     #[derive(Clone, Copy)]
     pub(in super::super) struct Neon(float32x4_t, float32x4_t);
 
-    // SAFETY of every block: the caller's.
+    // SAFETY of every block below: the caller's.
     impl Lanes for Neon {
         const COUNT: usize = 8;
 
@@ -335,7 +313,9 @@ mod arm {
         unsafe fn mul(self, other: Self) -> Self {
             unsafe { Self(vmulq_f32(self.0, other.0), vmulq_f32(self.1, other.1)) }
         }
+    }
 
+    impl WithRows for Neon {
         type Four = float32x4_t;
 
         #[inline(always)]

@@ -13,8 +13,9 @@ fn bits(kernel: &Kernel, block: &ResidentBlock, sparse: bool, every: usize) -> [
     let mut wholes = slots.clone();
     let mut weights = Vec::new();
     for position in 0..block.positions() {
-        let row =
-            |id: usize| if id % every == 0 { [noise.unit(), noise.unit() * 1e3, -noise.unit(), 0.0] } else { [0.0; 4] };
+        let row = |id: usize| {
+            if id.is_multiple_of(every) { [noise.unit(), noise.unit() * 1e3, -noise.unit(), 0.0] } else { [0.0; 4] }
+        };
         let table: Vec<Row> = (0..block.ids()).map(row).map(Row).collect();
         let segment = block.segment(position).unwrap();
         kernel.add((&segment, block.ids()), (&table, sparse), &mut weights, &mut slots);
