@@ -309,7 +309,7 @@ fn full_scale() {
         start.elapsed().as_secs_f64()
     );
     let show = |what: &str, [best, median, spent]: [f64; 3]| {
-        println!("{what:<44} {best:7.2} ms, median {median:7.2}, processor time of two cores {spent:7.2}")
+        println!("{what:<44} {best:7.2} ms, median {median:7.2}, processor time of two cores {spent:7.2}");
     };
     let words = vec![1u64; bytes / 8];
     let read = || words.par_chunks(1 << 16).map(|words| words.iter().fold(0, |sum: u64, word| sum.wrapping_add(*word)));

@@ -5,7 +5,7 @@ use relumine_basis::Coefficients;
 use relumine_radiometry::{Image, Radiance};
 
 use crate::packed::block::{COMPONENTS, Slot};
-use crate::packed::kernel::Kernel;
+use crate::packed::kernel::{self, Kernel};
 use crate::packed::sum::{Summing, Write, clear, write_patches};
 use crate::packed::weights::check_cells;
 use crate::packed::{LightWeights, PackedError, ResidentBlock, ResidentPacked};
@@ -31,16 +31,24 @@ pub struct Incremental {
 
 /// A patch is made anew when the squares of all that its pixels were and of what was added to them, since it last was, exceed so
 /// many times the square of what it shows: a few times 10⁻⁷ of it then is rounding.
-const ADDED: f32 = 64.0;
+const ADDED: f64 = 64.0;
 /// What is added is rounded more often than what it is added to.
-const ROUNDED_MORE: f32 = 8.0;
+const ROUNDED_MORE: f64 = 8.0;
 
 /// What is kept of a block.
 struct BlockState {
     /// v of all positions.
     sums: Vec<Sums>,
-    /// By patch, the squares summed since it was made anew.
-    added: Vec<f32>,
+    patches: Vec<PatchState>,
+}
+
+/// Squares of what a patch shows, in its basis.
+#[derive(Clone, Copy, Default)]
+struct PatchState {
+    /// Now.
+    shown: f64,
+    /// Of all it has shown and all that was added to it since it was made anew.
+    added: f64,
 }
 
 /// A slot in double precision.
@@ -79,7 +87,7 @@ impl Incremental {
         let (width, height) = field.picture_size();
         let state = |block: &ResidentBlock| BlockState {
             sums: vec![NOTHING; block.number_of_slots()],
-            added: vec![0.0; block.patches.len()],
+            patches: vec![PatchState::default(); block.patches.len()],
         };
         let blocks = field.blocks().iter().map(state).collect();
         let mut dark = light.clone();
@@ -113,7 +121,7 @@ impl Incremental {
         assert!(
             self.blocks.len() == field.blocks().len()
                 && self.blocks.iter().zip(field.blocks()).all(|(state, block)| {
-                    state.sums.len() == block.number_of_slots() && state.added.len() == block.patches.len()
+                    state.sums.len() == block.number_of_slots() && state.patches.len() == block.patches.len()
                 }),
             "another field"
         );
@@ -180,6 +188,8 @@ impl Work {
         self.touched.clear();
         self.touched.resize(sums.len(), false);
         clear(&mut self.difference, sums.len());
+        // The first components of a patch change more often than others.
+        (0..block.patches.len()).filter_map(|patch| sums.get(block.slots_of(patch).start)).for_each(kernel::ask_for);
         match change {
             Change::Anew(light) => {
                 self.anew.clear();
@@ -207,7 +217,7 @@ impl Work {
                     let old = self.old.of_position(kernel, block, was.position, (old, was.sparse));
                     let new = self.new.of_position(kernel, block, is.position, (new, is.sparse));
                     let slots = sums.iter_mut().zip(&mut self.difference).zip(&mut self.touched).zip(old).zip(new);
-                    for ((((sum, difference), touched), old), new) in slots.filter(|((_, old), new)| old != new) {
+                    for ((((sum, difference), touched), old), new) in slots.filter(|((_, old), new)| !same(old, new)) {
                         *touched = true;
                         each(sum, |channel, component| {
                             let by = f64::from(new.0[channel][component]) - f64::from(old.0[channel][component]);
@@ -223,29 +233,35 @@ impl Work {
     /// Chooses the patches that have changed, and those of them that are made anew.
     fn choose(&mut self, block: &ResidentBlock, state: &mut BlockState) {
         self.patches.clear();
-        for (patch, added) in state.added.iter_mut().enumerate() {
+        for (patch, squares) in state.patches.iter_mut().enumerate() {
             let slots = block.slots_of(patch);
-            if !self.touched[slots.clone()].contains(&true) {
-                continue;
-            }
+            let touched = &self.touched[slots.clone()];
+            let Some(last) = touched.iter().rposition(|touched| *touched) else { continue };
             let steps = block.basis_of(patch).steps;
-            let mut now = [0.0; COMPONENTS];
             let sums = &state.sums[slots.clone()];
             let difference = &mut self.difference[slots];
-            for (sums, steps) in sums.iter().zip(steps) {
-                add_squares(&mut now, steps, &single(sums));
+            let (mut more, mut by) = ([0.0; COMPONENTS], [0.0; COMPONENTS]);
+            for slot in (0..=last).filter(|slot| touched[*slot]) {
+                add_squares(&mut by, &steps[slot], &difference[slot].0);
+                for (sums, difference) in sums[slot].iter().zip(&difference[slot].0) {
+                    for (component, sum) in sums.iter().enumerate() {
+                        // a² − (a − b)² = b (2 a − b)
+                        let (step, difference) = (f64::from(steps[slot][component]), f64::from(difference[component]));
+                        more[component] += step * step * difference * (2.0 * sum - difference);
+                    }
+                }
             }
-            let mut by = [0.0; COMPONENTS];
-            difference.iter().zip(steps).for_each(|(slot, steps)| add_squares(&mut by, steps, slot));
-            let (now, by) = (now.iter().sum::<f32>(), by.iter().sum::<f32>());
-            *added += now + ROUNDED_MORE * by;
-            let last = sums.iter().rposition(|sums| *sums != NOTHING).map_or(0, |last| last + 1);
-            let last_changed = difference.iter().rposition(|slot| *slot != Slot::ZERO).map_or(0, |last| last + 1);
-            if *added < ADDED * now && last_changed < last {
+            squares.shown += more.iter().sum::<f64>();
+            squares.added += squares.shown + ROUNDED_MORE * by.iter().sum::<f64>();
+            if squares.added < ADDED * squares.shown && last + 1 < sums.len() {
                 self.patches.push((patch, Write::Onto));
             } else {
-                *added = 0.0;
-                difference.iter_mut().zip(sums).for_each(|(slot, sums)| *slot = single(sums));
+                let mut shown = [0.0; COMPONENTS];
+                for ((slot, sums), steps) in difference.iter_mut().zip(sums).zip(steps) {
+                    *slot = Slot(sums.map(|channel| channel.map(|sum| sum as f32)));
+                    add_squares(&mut shown, steps, &slot.0);
+                }
+                *squares = PatchState { shown: shown.iter().sum(), added: 0.0 };
                 self.patches.push((patch, Write::Over));
             }
         }
@@ -262,16 +278,18 @@ fn each(sums: &mut Sums, mut more: impl FnMut(usize, usize) -> f64) {
     }
 }
 
-/// A slot in single precision.
-fn single(sums: &Sums) -> Slot {
-    Slot(sums.map(|channel| channel.map(|sum| sum as f32)))
-}
-
 /// Adds the squares of what a slot shows, by component.
-fn add_squares(squares: &mut [f32; COMPONENTS], steps: &[f32; COMPONENTS], slot: &Slot) {
-    for channel in &slot.0 {
+fn add_squares(squares: &mut [f64; COMPONENTS], steps: &[f32; COMPONENTS], slot: &[[f32; COMPONENTS]; 3]) {
+    for channel in slot {
         for ((square, step), sum) in squares.iter_mut().zip(steps).zip(channel) {
-            *square += (step * sum) * (step * sum);
+            let shown = f64::from(*step) * f64::from(*sum);
+            *square += shown * shown;
         }
     }
+}
+
+/// Whether two slots have the same bits.
+fn same(a: &Slot, b: &Slot) -> bool {
+    let values = a.0.as_flattened().iter().zip(b.0.as_flattened());
+    values.fold(0, |differing, (a, b)| differing | (a.to_bits() ^ b.to_bits())) == 0
 }

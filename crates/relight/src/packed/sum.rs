@@ -126,7 +126,7 @@ pub(crate) fn write_patches(
         if let Some((next, _)) = chosen.peek() {
             ahead = block.basis_of(*next).starts;
             let [rows, columns] = block.pixels_of(*next);
-            block_rows[rows].iter().for_each(|row| kernel::ask_for(row[columns.clone()].as_flattened()));
+            block_rows[rows].iter().for_each(|row| kernel::ask_for(&row[columns.clone()]));
         }
         let components = components(slots).min(basis.components);
         if components > 0 {

@@ -17,12 +17,13 @@ type Add = unsafe fn(&Segment<'_>, &[Row], &mut [Row], &mut [Slot]);
 /// Σ step · basis · v of a patch.
 type Pixels = unsafe fn(&Basis<'_>, &[u32], &[Slot], usize, &mut [[f32; 3]; PIXELS]);
 
-/// Asks for memory that will be needed soon, of two lines of the cache at most.
-pub(super) fn ask_for(values: &[f32]) {
-    if let (Some(first), Some(last)) = (values.first(), values.last()) {
-        lanes::prefetch(std::ptr::from_ref(first).cast());
-        lanes::prefetch(std::ptr::from_ref(last).cast());
-    }
+/// Asks for memory that will be needed soon.
+pub(super) fn ask_for<T: ?Sized>(value: &T) {
+    const LINE: usize = 64;
+    let first = std::ptr::from_ref(value).cast::<u8>();
+    let last = first.wrapping_add(size_of_val(value).saturating_sub(1));
+    (0..size_of_val(value)).step_by(LINE).for_each(|offset| lanes::prefetch(first.wrapping_add(offset)));
+    lanes::prefetch(last);
 }
 
 /// The loops for one kind of machine.
