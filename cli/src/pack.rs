@@ -71,7 +71,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     }
     let unit = if encoding == Encoding::Lossless { "positions" } else { "blocks" };
     let bar = talk.bar(unit, repacking.steps(), repacking.done());
-    while let Some(step) = repacking.next() {
+    for step in repacking.by_ref() {
         bar.inc(step? as u64);
     }
     bar.finish_and_clear();
