@@ -146,9 +146,11 @@ def forget(field):
 
 
 def disk_step(field, lights):
-    """Every light from disk, a few times cold and each time warm after it."""
+    """Light from a few positions and from all of them from disk, a few times cold and each time warm after it."""
     rows = []
     for light in lights:
+        if light.stem not in ("spots", "uniform"):
+            continue
         colds, found = [], None
         for _ in range(arguments.rounds):
             forgotten = forget(field)
