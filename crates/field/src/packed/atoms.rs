@@ -44,7 +44,7 @@ impl Atoms {
     /// Exponents are below this.
     pub const EXPONENTS: u8 = 32;
 
-    /// Reads what [`Writing::finish`] wrote; bytes after the end are padding.
+    /// Reads the bytes of a chunk as FORMAT.md describes them; what follows them is padding.
     ///
     /// # Errors
     /// What is wrong, if it cannot be atoms of `positions` × `patches` in a basis of `rank` with ids below `ids`.

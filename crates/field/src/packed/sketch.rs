@@ -1,5 +1,7 @@
 //! What packing keeps of one position of one block until all positions are known.
 
+use std::ops::Range;
+
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
@@ -76,22 +78,41 @@ impl Sketch {
         assert_eq!(values.len(), squares * squares * 3 * plane, "a block needs every pixel of every square");
         let groups = Groups::new(squares);
         let row_of: Vec<usize> = runs((0..down).map(|j| patches.pixels(j * across).0.len()));
-        let column_of: Vec<usize> = runs((0..across).map(|i| patches.pixels(i).1.len()));
+        // The columns that lie in one quarter: patch by patch its left and its right half.
+        let halves_of: Vec<Range<usize>> = (0..across)
+            .flat_map(|i| {
+                let columns = patches.pixels(i).1;
+                let middle = columns.start
+                    + (0..columns.len()).filter(|column| quarter(0, 1, *column, columns.len()) % 2 == 0).count();
+                [columns.start..middle, middle..columns.end]
+            })
+            .collect();
         let mut whole = vec![0.0f32; 3 * plane];
         let mut norms = vec![0.0f32; squares * squares * patches.len()];
+        // `[square][patch][channel][quarter]`
+        let mut sums = vec![0.0f32; squares * squares * patches.len() * 3 * QUARTERS];
         let mut line = vec![0.0f32; width];
         for (square, of_square) in values.chunks_exact(3 * plane).enumerate() {
             if of_square.iter().all(|value| value.to_bits() == 0) {
                 continue;
             }
             let norms = &mut norms[square * patches.len()..][..patches.len()];
+            let sums = &mut sums[square * patches.len() * 3 * QUARTERS..][..patches.len() * 3 * QUARTERS];
             for (index, halves) in of_square.chunks_exact(width).enumerate() {
                 halves.convert_to_f32_slice(&mut line);
-                let sums = &mut whole[index * width..][..width];
-                sums.iter_mut().zip(&line).for_each(|(sum, value)| *sum += value);
-                let norms = &mut norms[row_of[index % height] * across..][..across];
-                for (value, column) in line.iter().zip(&column_of) {
-                    norms[*column] += value * value;
+                whole[index * width..][..width].iter_mut().zip(&line).for_each(|(sum, value)| *sum += value);
+                let (channel, y) = (index / height, index % height);
+                let rows = patches.pixels(row_of[y] * across).0;
+                let lower = quarter(y - rows.start, rows.len(), 0, 1) / 2;
+                for (half, columns) in halves_of.iter().enumerate() {
+                    let patch = row_of[y] * across + half / 2;
+                    let (mut sum, mut norm) = (0.0, 0.0);
+                    for value in &line[columns.clone()] {
+                        sum += value;
+                        norm += value * value;
+                    }
+                    norms[patch] += norm;
+                    sums[(patch * 3 + channel) * QUARTERS + 2 * lower + half % 2] += sum;
                 }
             }
         }
@@ -126,17 +147,9 @@ impl Sketch {
                     .collect();
                 let mut rest = vec![0.0f32; groups.len() * 3 * QUARTERS];
                 for square in &order[1 + strong..] {
-                    let of_square = &values[square * 3 * plane..][..3 * plane];
                     let rest = &mut rest[groups.of(*square) * 3 * QUARTERS..][..3 * QUARTERS];
-                    for (channel, of_channel) in of_square.chunks_exact(plane).enumerate() {
-                        for (row, y) in rows.clone().enumerate() {
-                            let halves = &of_channel[y * width..][columns.clone()];
-                            for (column, half) in halves.iter().enumerate() {
-                                let quarter = quarter(row, rows.len(), column, columns.len());
-                                rest[channel * QUARTERS + quarter] += half.to_f32();
-                            }
-                        }
-                    }
+                    let sums = &sums[(square * patches.len() + patch) * 3 * QUARTERS..][..3 * QUARTERS];
+                    rest.iter_mut().zip(sums).for_each(|(rest, sum)| *rest += sum);
                 }
                 let sizes = quarter_sizes(rows.len(), columns.len());
                 for (index, value) in rest.iter_mut().enumerate() {
