@@ -11,7 +11,7 @@ use crate::progress::Talk;
 
 /// Encode a field anew: small at a bounded error, or lossless
 ///
-/// A packed field keeps for every 8 × 8 pixels a basis of its own and a few coefficients for each position: some hundredths of
+/// A packed field keeps for every 8 × 8 pixels a basis of its own and a few coefficients for each position: a fraction of
 /// the bytes. What is too weak to be kept square by square is kept coarsely, never dropped. `relumine inspect FIELD --against
 /// OTHER` measures what was lost. Interrupted at any moment, the same command goes on where it was.
 #[derive(Args)]

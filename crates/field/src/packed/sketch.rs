@@ -82,8 +82,7 @@ impl Sketch {
         let halves_of: Vec<Range<usize>> = (0..across)
             .flat_map(|i| {
                 let columns = patches.pixels(i).1;
-                let middle = columns.start
-                    + (0..columns.len()).filter(|column| quarter(0, 1, *column, columns.len()) % 2 == 0).count();
+                let middle = columns.start + columns.len().div_ceil(2);
                 [columns.start..middle, middle..columns.end]
             })
             .collect();
