@@ -128,8 +128,6 @@ impl Repacking {
                 self.writer.write_packed(block, &sketches)?;
             }
             (Step::Position(position), _) => {
-                let [down, across] = self.field.blocks().blocks_per_tile();
-                let grid = self.field.blocks().grid();
                 for tile in self.field.blocks().all_tiles() {
                     let read = |extent: &relumine_field::Extent| {
                         let mut values = Vec::new();
@@ -140,7 +138,6 @@ impl Repacking {
                         });
                         (values, done)
                     };
-                    debug_assert!(tile[0] * down < grid[0] && tile[1] * across < grid[1]);
                     for done in self.writer.write_blocks(position, tile, read)? {
                         done?;
                     }
