@@ -130,8 +130,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let values: Vec<f16> =
             (0..16 * 3 * 9 * 11).map(|i| f16::from_f32((i % 97) as f32 / (1 + i / 300) as f32)).collect();
-        let sketch = Sketch::new(&Patches::new(9, 11), 4, &values, 0.5, &Keep { share: 0.1, most: 4 });
-        assert!(sketch.patches.iter().all(|patch| patch.squares.len() == 4));
+        let sketch = Sketch::new(&Patches::new(9, 11), 4, &values, 0.5, &Keep { share: 0.01, most: 4 });
+        assert!(
+            sketch.patches.iter().any(|patch| !patch.squares.is_empty() && patch.rest.iter().any(|sum| *sum > 0.0))
+        );
         let path = path_of(folder.path(), 3, [0, 1]);
         write(&path, &[None, Some(to_frame(&sketch).unwrap())]).unwrap();
         assert_eq!(read(&path, 2, 1).unwrap(), sketch);
