@@ -355,7 +355,8 @@ else:
     with tempfile.TemporaryDirectory(prefix="relumine-paper-scale-") as temporary:
         results = run(pathlib.Path(temporary))
 model = next((line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")), platform.machine())
-command = " ".join(["benches/paper_scale.py", *sys.argv[1:]]).replace(str(root.parent), "…")
+# Where things lay is nobody's business but this machine's.
+command = re.sub(r" --(work|binaries|runs)[ =]\S+", "", " ".join(["benches/paper_scale.py", *sys.argv[1:]]))
 report = {"date": datetime.datetime.now().isoformat(timespec="seconds"), "machine": f"{model}, {os.cpu_count()} cores",
           "load_average": {"before": load_before, "after": os.getloadavg()}, "commit": commit_of_tree(), "command": command,
           "seconds": round(time.perf_counter() - begun), **results}
