@@ -38,6 +38,10 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let path = &arguments.path;
     if let Some(reference) = &arguments.against {
         if is_capture(reference) {
+            if !arguments.lights.is_empty() {
+                let reason = "--light goes with --against FIELD: a capture has its own lights, the patterns";
+                return Err(Failure::usage(reason));
+            }
             return against::a_capture(path, reference);
         }
         return against::another_field(path, reference, &arguments.lights, &arguments.projection, talk);

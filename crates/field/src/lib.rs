@@ -19,6 +19,7 @@ mod manifest;
 pub mod packed;
 mod reader;
 mod shard;
+mod shard_index;
 mod writer;
 mod zarr;
 

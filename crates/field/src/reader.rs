@@ -236,18 +236,7 @@ impl ReflectanceField {
     pub fn clipped(&self, position: usize) -> Result<Vec<u8>, FieldError> {
         let (width, height) = self.picture_size();
         let path = self.path.join(format!("{}/c/{position}/0/0", zarr::CLIPPED));
-        match std::fs::read(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(vec![0; width * height]),
-            Err(source) => Err(FieldError::Read { path, source }),
-            Ok(frame) => match zstd::bulk::decompress(&frame, width * height) {
-                Ok(counts) if counts.len() == width * height => Ok(counts),
-                Ok(counts) => {
-                    let reason = format!("{} bytes instead of {}", counts.len(), width * height);
-                    Err(FieldError::Damaged { path, reason })
-                }
-                Err(error) => Err(FieldError::Damaged { path, reason: error.to_string() }),
-            },
-        }
+        if path.exists() { store::decompress_file(&path, width * height) } else { Ok(vec![0; width * height]) }
     }
 
     /// The transfer Rᵢ of one cell as a picture.

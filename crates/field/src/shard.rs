@@ -10,12 +10,8 @@ use std::path::{Path, PathBuf};
 
 use half::f16;
 
+use crate::shard_index::{NOT_STORED, ShardIndex};
 use crate::{Blocks, Extent, FieldError, zarr};
-
-/// A block that is not stored has no light at all.
-const NOT_STORED: u64 = u64::MAX;
-const CRC_BYTES: usize = 4;
-const ENTRY_BYTES: usize = 16;
 
 /// The zstd frame of each square of one block; `None` for a square without light there. `values` are
 /// `[square][channel][row][column]` of the pixels in `extent`, which the block may overhang.
@@ -50,24 +46,21 @@ fn pad(square: &[f16], extent: &Extent, [height, width]: [usize; 2], raw: &mut [
 
 /// Writes a shard: the frames of all blocks, `[block][square]` with the blocks in row-major order, and their index.
 pub(crate) fn write(out: &mut impl Write, squares: usize, frames: &[Vec<Option<Vec<u8>>>]) -> io::Result<()> {
-    let mut index = Vec::with_capacity(squares * frames.len() * ENTRY_BYTES);
+    let mut index = Vec::with_capacity(squares * frames.len());
     let mut offset = 0u64;
     for square in 0..squares {
         for block in frames {
-            let entry = match block.get(square).and_then(Option::as_ref) {
+            index.push(match block.get(square).and_then(Option::as_ref) {
                 Some(frame) => {
                     out.write_all(frame)?;
                     offset += frame.len() as u64;
                     [offset - frame.len() as u64, frame.len() as u64]
                 }
-                None => [NOT_STORED; 2],
-            };
-            index.extend(entry.iter().flat_map(|number| number.to_le_bytes()));
+                None => NOT_STORED,
+            });
         }
     }
-    let checksum = crc32c::crc32c(&index);
-    out.write_all(&index)?;
-    out.write_all(&checksum.to_le_bytes())
+    out.write_all(&ShardIndex::to_bytes(&index))
 }
 
 /// A shard open for reading: its index is in memory, its blocks are read when they are asked for.
@@ -87,32 +80,14 @@ impl Shard {
         let read = |source| FieldError::Read { path: path.to_path_buf(), source };
         let damaged = |reason: String| FieldError::Damaged { path: path.to_path_buf(), reason };
         let file = File::open(path).map_err(read)?;
-        let length = file.metadata().map_err(read)?.len();
         let [down, across] = blocks.blocks_per_tile();
         let entries = squares * down * across;
-        let index_bytes = entries * ENTRY_BYTES + CRC_BYTES;
-        let body_bytes = length
-            .checked_sub(index_bytes as u64)
-            .ok_or_else(|| damaged(format!("{length} bytes are too few for an index of {entries} blocks")))?;
+        let ShardIndex { entries: index, body_bytes } = ShardIndex::read(&file, path, entries)?;
         // A block never grows by more than zstd's own bound: a longer file is not a shard of this field.
         let [block_height, block_width] = blocks.block();
         let longest = (entries * zstd::zstd_safe::compress_bound(3 * block_height * block_width * 2)) as u64;
         if body_bytes > longest {
-            return Err(damaged(format!("{length} bytes are more than {entries} blocks can have")));
-        }
-        let mut tail = vec![0; index_bytes];
-        file.read_exact_at(&mut tail, body_bytes).map_err(read)?;
-        let (entries, checksum) = tail.split_at(tail.len() - CRC_BYTES);
-        if crc32c::crc32c(entries).to_le_bytes() != checksum {
-            return Err(damaged("the checksum of its index is wrong".into()));
-        }
-        let number = |bytes: &[u8]| u64::from_le_bytes(bytes.try_into().expect("entries are two times eight bytes"));
-        let index: Vec<[u64; 2]> =
-            entries.chunks_exact(ENTRY_BYTES).map(|entry| [number(&entry[..8]), number(&entry[8..])]).collect();
-        for [offset, bytes] in index.iter().filter(|entry| **entry != [NOT_STORED; 2]) {
-            if offset.checked_add(*bytes).is_none_or(|end| end > body_bytes) {
-                return Err(damaged(format!("a block of {bytes} bytes at {offset} lies outside the file")));
-            }
+            return Err(damaged(format!("{body_bytes} bytes are more than {entries} blocks can have")));
         }
         let body = if at_once {
             let mut body = vec![0; body_bytes as usize];
@@ -136,7 +111,7 @@ impl Shard {
         let [down, across] = self.blocks.blocks_per_tile();
         assert!(square < self.squares && block[0] < down && block[1] < across, "no such block");
         let [offset, length] = self.index[(square * down + block[0]) * across + block[1]];
-        if [offset, length] == [NOT_STORED; 2] {
+        if [offset, length] == NOT_STORED {
             return Ok(false);
         }
         let frame = match &self.body {

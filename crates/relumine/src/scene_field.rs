@@ -10,7 +10,7 @@ use relumine_basis::{Cells, Coefficients, Reach};
 use relumine_field::packed::{Keep, Patches, Sketch};
 use relumine_field::{Extent, FieldError, FieldWriter, Header, PositionRecord};
 use relumine_radiometry::{Image, Radiance};
-use relumine_tracer::{Lantern, PathOptions, Paths, Scene};
+use relumine_tracer::{Lantern, PathOptions, Paths, Scene, Share};
 use serde_json::json;
 
 use crate::{DevelopedReport, Encoding, Error};
@@ -49,6 +49,23 @@ enum Step {
 struct Witness {
     light: Coefficients,
     picture: Mutex<Image<Radiance>>,
+}
+
+impl Witness {
+    /// Adds what the light shows through the squares of a position, whose cells begin at `first_cell`.
+    fn add(&self, first_cell: usize, extent: &Extent, shares: &[Share], transfer_per_radiance: impl Fn(usize) -> f32) {
+        let mut picture = self.picture.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let width = picture.width();
+        for share in shares {
+            let (square, pixel) = (share.square as usize, share.pixel as usize);
+            let y = extent.rows.start + pixel / extent.columns.len();
+            let x = extent.columns.start + pixel % extent.columns.len();
+            let factor = transfer_per_radiance(square);
+            let lit = self.light.values()[first_cell + square];
+            let sum = &mut picture.pixels_mut()[y * width + x];
+            (0..3).for_each(|channel| sum[channel] += lit[channel] * (share.radiance[channel] * factor));
+        }
+    }
 }
 
 impl SceneField {
@@ -211,21 +228,8 @@ impl SceneField {
             }
         }
         for witness in &self.witnesses {
-            let lit = &witness.light.values()[position * m2..][..m2];
-            let mut picture = witness.picture.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            let width = picture.width();
-            for share in &shares {
-                let (square, pixel) = (share.square as usize, share.pixel as usize);
-                let (y, x) = (
-                    extent.rows.start + pixel / extent.columns.len(),
-                    extent.columns.start + pixel % extent.columns.len(),
-                );
-                let sum = &mut picture.pixels_mut()[y * width + x];
-                for channel in 0..3 {
-                    let transfer = share.radiance[channel] * per_radiance[square] * self.scales[position];
-                    sum[channel] += lit[square][channel] * transfer;
-                }
-            }
+            let scale = self.scales[position];
+            witness.add(position * m2, extent, &shares, |square| per_radiance[square] * scale);
         }
         values
     }

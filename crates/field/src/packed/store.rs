@@ -14,10 +14,8 @@ use crate::packed::atoms::Writing;
 use crate::packed::coder::OwnedAtom;
 use crate::packed::encode::{PackedPatch, pack_patch};
 use crate::packed::{Atom, Atoms, Groups, Kept, POSITIONS_A_CHUNK, PackedBlock, Patches, Sketch};
+use crate::shard_index::{NOT_STORED, ShardIndex};
 use crate::{Extent, FieldError, zarr};
-
-const CRC_BYTES: usize = 4;
-const ENTRY_BYTES: usize = 16;
 
 /// How packed blocks are compressed. They are nearly noise to a matcher: without short matches they come out smaller, and
 /// decompress two to four times as fast.
@@ -188,27 +186,16 @@ pub(crate) fn read(
     let read = |source| FieldError::Read { path: path.clone(), source };
     let damaged = |reason: String| FieldError::Damaged { path: path.clone(), reason };
     let file = File::open(&path).map_err(read)?;
-    let length = file.metadata().map_err(read)?.len();
-    let index_bytes = chunks.len() * ENTRY_BYTES + CRC_BYTES;
-    let body = length
-        .checked_sub(index_bytes as u64)
-        .ok_or_else(|| damaged(format!("{length} bytes are too few for an index of {} chunks", chunks.len())))?;
-    let mut index = vec![0; index_bytes];
-    file.read_exact_at(&mut index, body).map_err(read)?;
-    let (entries, checksum) = index.split_at(index_bytes - CRC_BYTES);
-    if crc32c::crc32c(entries).to_le_bytes() != checksum {
-        return Err(damaged("the checksum of its index is wrong".into()));
-    }
-    let number = |bytes: &[u8]| u64::from_le_bytes(bytes.try_into().expect("entries are two times eight bytes"));
-    for (chunk, entry) in entries.chunks_exact(ENTRY_BYTES).enumerate() {
+    let index = ShardIndex::read(&file, &path, chunks.len())?.entries;
+    for (chunk, entry) in index.into_iter().enumerate() {
         let first = chunk * POSITIONS_A_CHUNK;
         if !(first..first + size_of(chunk)).any(&wanted) {
             continue;
         }
-        let (offset, bytes) = (number(&entry[..8]), number(&entry[8..]));
-        if offset.checked_add(bytes).is_none_or(|end| end > body) {
-            return Err(damaged(format!("chunk {chunk} of {bytes} bytes at {offset} lies outside the file")));
+        if entry == NOT_STORED {
+            return Err(damaged(format!("the atoms of positions {first} and on are not there")));
         }
+        let [offset, bytes] = entry;
         let mut frame = vec![0; bytes as usize];
         file.read_exact_at(&mut frame, offset).map_err(read)?;
         let of_chunk =
@@ -243,25 +230,23 @@ fn shard(chunks: &[Vec<u8>], bytes: usize) -> io::Result<Vec<u8>> {
             compress(&padded)
         })
         .collect::<io::Result<_>>()?;
-    let mut index = Vec::with_capacity(frames.len() * ENTRY_BYTES);
+    let mut index = Vec::with_capacity(frames.len());
     let mut shard = Vec::new();
     for frame in &frames {
-        index.extend((shard.len() as u64).to_le_bytes());
-        index.extend((frame.len() as u64).to_le_bytes());
+        index.push([shard.len() as u64, frame.len() as u64]);
         shard.extend_from_slice(frame);
     }
-    let checksum = crc32c::crc32c(&index);
-    shard.extend_from_slice(&index);
-    shard.extend(checksum.to_le_bytes());
+    shard.extend(ShardIndex::to_bytes(&index));
     Ok(shard)
 }
 
-fn decompress(frame: &[u8], bytes: usize) -> Result<Vec<u8>, String> {
+/// Exactly `bytes` bytes.
+pub(crate) fn decompress(frame: &[u8], bytes: usize) -> Result<Vec<u8>, String> {
     let raw = zstd::bulk::decompress(frame, bytes.min(MOST_BYTES)).map_err(|error| error.to_string())?;
     if raw.len() == bytes { Ok(raw) } else { Err(format!("{} bytes instead of {bytes}", raw.len())) }
 }
 
-fn decompress_file(path: &Path, bytes: usize) -> Result<Vec<u8>, FieldError> {
+pub(crate) fn decompress_file(path: &Path, bytes: usize) -> Result<Vec<u8>, FieldError> {
     let frame = fs::read(path).map_err(|source| FieldError::Read { path: path.to_path_buf(), source })?;
     decompress(&frame, bytes).map_err(|reason| FieldError::Damaged { path: path.to_path_buf(), reason })
 }

@@ -191,37 +191,27 @@ impl ResidentBlock {
     pub(crate) fn segment(&self, position: usize) -> Option<Segment<'_>> {
         let place = self.places.get(position)?.as_ref()?;
         let mut rest = &self.bytes[place.start as usize..];
-        let [
-            runs,
-            slots,
-            whole_ids,
-            whole_exponents,
-            whole_coefficients,
-            ids,
-            exponents,
-            coefficients,
-            tail_atoms,
-            tail_slots,
-            tail_coefficients,
-        ] = place.lengths().map(|length| {
-            let (part, after) = rest.split_at(length);
+        let mut lengths = place.lengths().into_iter();
+        // In the order of the parts, which is that of the fields below.
+        let mut part = || {
+            let (part, after) = rest.split_at(lengths.next().unwrap_or(0));
             rest = after;
             part
-        });
+        };
         Some(Segment {
             lists: place.lists.into(),
             tails: place.tails.into(),
-            runs,
-            slots,
-            whole_ids,
-            whole_exponents,
-            whole_coefficients,
-            ids,
-            exponents,
-            coefficients,
-            tail_atoms,
-            tail_slots,
-            tail_coefficients,
+            runs: part(),
+            slots: part(),
+            whole_ids: part(),
+            whole_exponents: part(),
+            whole_coefficients: part(),
+            ids: part(),
+            exponents: part(),
+            coefficients: part(),
+            tail_atoms: part(),
+            tail_slots: part(),
+            tail_coefficients: part(),
             ahead: &[],
         })
     }
