@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use half::f16;
 use libfuzzer_sys::fuzz_target;
 use relumine_basis::{Cells, Layout, Partition, Pattern, Reach};
-use relumine_field::packed::{Atoms, Keep, Patches, Sketch};
+use relumine_field::packed::{Atoms, Ids, Keep, Patches, Sketch};
 use relumine_field::{BlockBuffer, Extent, FieldWriter, Header, Packing, PositionRecord, ReflectanceField};
 
 struct Field {
@@ -101,16 +101,15 @@ fn frame(raw: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// What is accepted can be read to the end. The first four bytes say how many positions, patches, components and ids.
+/// What is accepted can be read to the end. The first three bytes say how many patches, components and squares.
 fn parse(bytes: &[u8]) {
-    let Some(([positions, patches, rank, ids], bytes)) = bytes.split_first_chunk() else { return };
-    let (positions, patches) = (usize::from(positions % 9), usize::from(*patches % 65));
-    let (rank, ids) = (usize::from(*rank).min(Atoms::MOST_COEFFICIENTS), usize::from(*ids));
-    if let Ok(atoms) = Atoms::parse(bytes.to_vec(), positions, patches, rank, ids) {
-        let lists = (0..positions).flat_map(|position| (0..patches).map(move |patch| (position, patch)));
+    let Some(([patches, rank, squares], bytes)) = bytes.split_first_chunk() else { return };
+    let (patches, rank) = (usize::from(*patches % 65), usize::from(*rank).min(Atoms::MOST_COEFFICIENTS));
+    let ids = Ids::new(usize::from(*squares % 33));
+    if let Ok(atoms) = Atoms::parse(bytes, patches, rank, ids) {
         let mut number = 0;
-        for atom in lists.flat_map(|(position, patch)| atoms.of(position, patch)) {
-            assert!(usize::from(atom.id) < ids && atom.coefficients.len() <= rank && atom.exponent < Atoms::EXPONENTS);
+        for atom in (0..patches).flat_map(|patch| atoms.of(patch)) {
+            assert!(usize::from(atom.id) < ids.all && atom.coefficients.len() <= rank && atom.exponent < Atoms::EXPONENTS);
             number += 1;
         }
         assert_eq!(number, atoms.len());

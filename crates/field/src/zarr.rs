@@ -45,9 +45,14 @@ pub(crate) fn array(data_type: &str, shape: &[usize], chunk: &[usize], names: &[
     })
 }
 
-/// Bytes in rows, each compressed by itself, all in one shard.
-pub(crate) fn rows_of_bytes(shape: [usize; 2], names: [&str; 2], unit: &str) -> Value {
-    let mut rows = array("uint8", &shape, &shape, &names, unit);
+/// The file of [`rows_of_bytes`]: its one chunk.
+pub(crate) const ROWS: &str = "c.0.0";
+
+/// Bytes in rows, each compressed by itself, all in one shard: the file [`ROWS`] beside the array's metadata.
+pub(crate) fn rows_of_bytes(shape: [usize; 2], names: [&str; 2], attributes: &Value) -> Value {
+    let mut rows = array("uint8", &shape, &shape, &names, "");
+    rows["attributes"] = attributes.clone();
+    rows["chunk_key_encoding"]["configuration"]["separator"] = json!(".");
     rows["codecs"] = json!([{
         "name": "sharding_indexed",
         "configuration": {

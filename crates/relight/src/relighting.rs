@@ -2,8 +2,9 @@
 
 use half::f16;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use relumine_basis::Coefficients;
-use relumine_field::{BlockBuffer, Extent, FieldError, ReflectanceField};
+use relumine_field::{BlockBuffer, FieldError, ReflectanceField};
 use relumine_radiometry::{Image, Radiance};
 
 use crate::packed::{LightWeights, PackedError, relight_block};
@@ -11,6 +12,12 @@ use crate::{TransferSource, kernel};
 
 /// Squares that are added in one pass over the sum: it is read and written once for all of them.
 const TOGETHER: usize = 8;
+
+/// Blocks of a packed field in one step.
+const BLOCKS_AT_ONCE: usize = 64;
+
+/// Threads for each core that read blocks of a packed field: while some wait for the disk, others work.
+const READERS_A_CORE: usize = 4;
 
 /// Why a field cannot be relit.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +49,8 @@ pub struct Relighting<'a, S: TransferSource> {
     groups: Vec<Vec<usize>>,
     /// By light, if the field is packed.
     weights: Vec<LightWeights>,
+    /// For packed fields; without them, if they cannot be had, the threads that there are.
+    readers: Option<ThreadPool>,
     steps: Vec<Step>,
     next: usize,
     pictures: Vec<Image<Radiance>>,
@@ -77,14 +86,17 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
         let longest = lit.len().div_ceil(32).max(1);
         let (width, height) = field.picture_size();
         let (mut weights, mut steps) = (Vec::new(), Vec::new());
+        let mut readers = None;
         if field.is_packed() {
+            let threads = READERS_A_CORE * rayon::current_num_threads();
+            readers = ThreadPoolBuilder::new().num_threads(threads).build().ok();
             let (squares, positions) = (field.cells().squares(), field.cells().positions());
             weights =
                 lights.iter().map(|light| LightWeights::new(light, squares, positions)).collect::<Result<_, _>>()?;
             let [down, across] = field.blocks().grid();
             let blocks: Vec<[usize; 2]> =
                 (0..down).flat_map(|row| (0..across).map(move |column| [row, column])).collect();
-            steps.extend(blocks.chunks(4 * rayon::current_num_threads()).map(|some| Step::Blocks(some.to_vec())));
+            steps.extend(blocks.chunks(BLOCKS_AT_ONCE).map(|some| Step::Blocks(some.to_vec())));
         } else {
             steps.extend(field.blocks().all_tiles().map(Step::Tile));
         }
@@ -93,6 +105,7 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
             lights,
             groups: lit.chunks(longest).map(<[usize]>::to_vec).collect(),
             weights,
+            readers,
             steps,
             next: 0,
             pictures: lights.iter().map(|_| Image::black(width, height)).collect(),
@@ -122,15 +135,18 @@ impl<'a, S: TransferSource> Relighting<'a, S> {
     fn relight_packed(&mut self, blocks: &[[usize; 2]]) -> Result<(), RelightError> {
         let field = self.source.field();
         let lit: Vec<usize> = self.groups.iter().flatten().copied().collect();
-        let relit = blocks
-            .par_iter()
-            .map(|block| {
-                let block = field.packed_block(*block, |position| lit.binary_search(&position).is_ok())?;
-                let pictures = relight_block(&block, &self.weights)?;
-                Ok((block.extent, pictures))
-            })
-            .collect::<Result<Vec<(Extent, Vec<Image<Radiance>>)>, RelightError>>()?;
-        for (extent, of_block) in relit {
+        let weights = &self.weights;
+        let relight = |block: &[usize; 2]| {
+            let block = field.packed_block(*block, |position| lit.binary_search(&position).is_ok())?;
+            let pictures = relight_block(&block, weights)?;
+            Ok((block.extent, pictures))
+        };
+        let relight_all = || blocks.par_iter().map(relight).collect::<Result<Vec<_>, RelightError>>();
+        let relit = match &self.readers {
+            Some(readers) => readers.install(relight_all),
+            None => relight_all(),
+        };
+        for (extent, of_block) in relit? {
             for (picture, block) in self.pictures.iter_mut().zip(of_block) {
                 let width = picture.width();
                 for (y, row) in extent.rows.clone().zip(block.pixels().chunks_exact(extent.columns.len())) {

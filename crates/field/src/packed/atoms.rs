@@ -1,8 +1,8 @@
-//! The atoms of some positions of one block, as bytes and read back.
+//! The atoms of one position in one block, as bytes and read back.
 //!
 //! ```text
 //! u32        number n of atoms
-//! u16 × P·Q  atoms of each patch, [position][patch]
+//! u16 × …    atoms of each patch
 //! u8 × n     low bytes of the atoms' ids, in the same order
 //! u8 × n     high bytes
 //! u8 × n     exponents
@@ -11,8 +11,7 @@
 //! ```
 //! Numbers are little-endian. Like stands beside like, so that zstd finds it.
 
-/// Positions whose atoms are one chunk.
-pub const POSITIONS_A_CHUNK: usize = 8;
+use crate::packed::Groups;
 
 /// One vector in the basis of a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,15 +25,31 @@ pub struct Atom<'a> {
     pub coefficients: &'a [i8],
 }
 
-/// The atoms of the positions of one chunk.
+/// What ids there may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Ids {
+    /// M², squares of a position: ids below are squares.
+    pub squares: usize,
+    /// Squares and groups.
+    pub all: usize,
+}
+
+impl Ids {
+    /// The ids of M × M squares and their groups.
+    pub fn new(squares: usize) -> Self {
+        let m2 = squares * squares;
+        Self { squares: m2, all: m2 + Groups::new(squares).len() }
+    }
+}
+
+/// The atoms of one position.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Atoms {
     bytes: Vec<u8>,
-    positions: usize,
     patches: usize,
-    /// Where in the list the atoms of `[position][patch]` begin, and where the last ends.
+    /// Where in the list the atoms of each patch begin, and where the last ends.
     starts: Vec<u32>,
-    /// Where the coefficients of the first atom of `[position][patch]` begin, in bytes from the first coefficient.
+    /// Where the coefficients of the first atom of each patch begin, in bytes from the first coefficient.
     coefficients: Vec<u32>,
 }
 
@@ -44,16 +59,16 @@ impl Atoms {
     /// Exponents are below this.
     pub const EXPONENTS: u8 = 32;
 
-    /// Reads the bytes of a chunk as FORMAT.md describes them; what follows them is padding.
+    /// Reads the bytes of a position as FORMAT.md describes them; what follows them is padding. Below `squares`, ids are squares,
+    /// from there below `ids` groups.
     ///
     /// # Errors
-    /// What is wrong, if it cannot be atoms of `positions` × `patches` in a basis of `rank` with ids below `ids`.
-    pub fn parse(bytes: Vec<u8>, positions: usize, patches: usize, rank: usize, ids: usize) -> Result<Self, String> {
-        let lists = positions * patches;
+    /// What is wrong, if it cannot be atoms of so many patches in a basis of `rank`.
+    pub fn parse(bytes: &[u8], patches: usize, rank: usize, Ids { squares, all: ids }: Ids) -> Result<Self, String> {
         let short = || format!("{} bytes are too few", bytes.len());
         let number = bytes.first_chunk::<4>().map(|number| u32::from_le_bytes(*number) as usize).ok_or_else(short)?;
-        let counts = bytes.get(4..4 + 2 * lists).ok_or_else(short)?;
-        let mut starts = Vec::with_capacity(lists + 1);
+        let counts = bytes.get(4..4 + 2 * patches).ok_or_else(short)?;
+        let mut starts = Vec::with_capacity(patches + 1);
         let mut all = 0u32;
         for count in counts.chunks_exact(2) {
             starts.push(all);
@@ -63,34 +78,35 @@ impl Atoms {
         if all as usize != number {
             return Err(format!("{all} atoms are listed, but {number} announced"));
         }
-        let planes = bytes.get(4 + 2 * lists..4 + 2 * lists + 4 * number).ok_or_else(short)?;
-        let body = bytes.len() - (4 + 2 * lists + 4 * number);
+        let planes = bytes.get(4 + 2 * patches..4 + 2 * patches + 4 * number).ok_or_else(short)?;
+        let body = 4 + 2 * patches + 4 * number;
         let (low, rest) = planes.split_at(number);
         let (high, rest) = rest.split_at(number);
         let (exponents, lengths) = rest.split_at(number);
-        let mut coefficients = Vec::with_capacity(lists);
+        let mut coefficients = Vec::with_capacity(patches);
         let mut end = 0usize;
-        for list in starts.windows(2) {
+        // By id the last list that had it.
+        let mut seen = vec![0; ids];
+        for (list, atoms) in starts.windows(2).enumerate() {
             coefficients.push(end as u32);
-            for atom in list[0] as usize..list[1] as usize {
+            for atom in atoms[0] as usize..atoms[1] as usize {
                 let id = usize::from(u16::from_le_bytes([low[atom], high[atom]]));
                 let length = usize::from(lengths[atom]);
                 if id >= ids || length > rank || exponents[atom] >= Self::EXPONENTS {
                     let exponent = exponents[atom];
                     return Err(format!("an atom of square {id}, {length} coefficients and exponent {exponent}"));
                 }
+                if atom == atoms[0] as usize && id >= squares {
+                    return Err(format!("group {} as the main square of a patch", id - squares));
+                }
+                if std::mem::replace(&mut seen[id], list + 1) == list + 1 {
+                    return Err(format!("square {id} twice in one patch"));
+                }
                 end += length;
             }
         }
-        if end > body {
-            return Err(short());
-        }
-        Ok(Self { bytes, positions, patches, starts, coefficients })
-    }
-
-    /// Positions in it.
-    pub fn positions(&self) -> usize {
-        self.positions
+        let bytes = bytes.get(..body + end).ok_or_else(short)?.to_vec();
+        Ok(Self { bytes, patches, starts, coefficients })
     }
 
     /// Atoms in all.
@@ -98,23 +114,22 @@ impl Atoms {
         self.starts.last().map_or(0, |all| *all as usize)
     }
 
-    /// Whether there are none: these positions show nothing here.
+    /// Whether there are none: this position shows nothing here.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The atoms of a patch at the `position`-th position of the chunk: the whole first; none if nothing is seen there.
+    /// The atoms of a patch: the whole first; none if nothing is seen there.
     ///
     /// # Panics
-    /// If there is no such position or patch.
-    pub fn of(&self, position: usize, patch: usize) -> impl Iterator<Item = Atom<'_>> {
-        assert!(position < self.positions && patch < self.patches, "no such patch");
-        let list = position * self.patches + patch;
+    /// If there is no such patch.
+    pub fn of(&self, patch: usize) -> impl Iterator<Item = Atom<'_>> {
+        assert!(patch < self.patches, "no such patch");
         let number = self.len();
-        let ids = 4 + 2 * self.positions * self.patches;
+        let ids = 4 + 2 * self.patches;
         let body = ids + 4 * number;
-        let mut at = body + self.coefficients[list] as usize;
-        (self.starts[list] as usize..self.starts[list + 1] as usize).map(move |atom| {
+        let mut at = body + self.coefficients[patch] as usize;
+        (self.starts[patch] as usize..self.starts[patch + 1] as usize).map(move |atom| {
             let byte = |plane: usize| self.bytes[ids + plane * number + atom];
             let coefficients = &self.bytes[at..at + usize::from(byte(3))];
             at += coefficients.len();
@@ -130,7 +145,7 @@ fn signed(bytes: &[u8]) -> &[i8] {
     unsafe { std::slice::from_raw_parts(bytes.as_ptr().cast(), bytes.len()) }
 }
 
-/// Atoms being written, `[position][patch]`.
+/// Atoms being written, patch by patch.
 #[derive(Default)]
 pub(crate) struct Writing {
     counts: Vec<u16>,
@@ -141,7 +156,7 @@ pub(crate) struct Writing {
 }
 
 impl Writing {
-    /// Goes on to the next patch, or the first patch of the next position.
+    /// Goes on to the next patch.
     pub(crate) fn begin_patch(&mut self) {
         self.counts.push(0);
     }

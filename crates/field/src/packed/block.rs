@@ -3,7 +3,7 @@
 use half::f16;
 
 use crate::Extent;
-use crate::packed::{Atoms, Groups, POSITIONS_A_CHUNK, Patches};
+use crate::packed::{Atoms, Groups, Patches};
 
 /// One block of pixels, read.
 #[derive(Clone, Debug)]
@@ -18,16 +18,14 @@ pub struct PackedBlock {
     pub basis: Vec<i8>,
     /// What one step of a coefficient is worth, `[component][patch]`.
     pub steps: Vec<f32>,
-    /// The atoms, by chunk of [`POSITIONS_A_CHUNK`] positions; `None` if not read.
-    pub chunks: Vec<Option<Atoms>>,
+    /// The atoms by position; `None` if not read.
+    pub positions: Vec<Option<Atoms>>,
 }
 
 impl PackedBlock {
     /// The atoms of a patch at a position, the whole first; `None` if the position was not read.
     pub fn atoms(&self, position: usize, patch: usize) -> Option<impl Iterator<Item = crate::packed::Atom<'_>>> {
-        let chunk = self.chunks.get(position / POSITIONS_A_CHUNK)?.as_ref()?;
-        let position = position % POSITIONS_A_CHUNK;
-        (position < chunk.positions()).then(|| chunk.of(position, patch))
+        Some(self.positions.get(position)?.as_ref()?.of(patch))
     }
 
     /// Adds `weights` (by square, v · M + u) times the transfers of a position to `picture`,

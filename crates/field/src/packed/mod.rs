@@ -24,7 +24,7 @@ pub(crate) mod sketched;
 mod smooth;
 pub(crate) mod store;
 
-pub use atoms::{Atom, Atoms, POSITIONS_A_CHUNK};
+pub use atoms::{Atom, Atoms, Ids};
 pub use block::PackedBlock;
 pub use kept::Kept;
 pub use patches::{Groups, Patches};

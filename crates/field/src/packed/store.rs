@@ -1,4 +1,7 @@
-//! The files of packed blocks: for each a Zarr group `packed/ROW-COLUMN` with its bases, steps and atoms.
+//! The files of packed blocks: for each a Zarr array `packed/ROW-COLUMN`, one file of rows of bytes, each compressed by itself:
+//! first the bases, eight components a row, then one row of steps, then the atoms of each position.
+//!
+//! Everything in one file, since from a cold disk opening a file costs as much as reading half a block.
 
 use std::fs::{self, File};
 use std::io::{self, Write};
@@ -9,11 +12,12 @@ use rayon::prelude::*;
 use relumine_radiometry::files::write_atomically;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
+use zstd::bulk::Decompressor;
 
 use crate::packed::atoms::Writing;
 use crate::packed::coder::OwnedAtom;
 use crate::packed::encode::{PackedPatch, pack_patch};
-use crate::packed::{Atom, Atoms, Groups, Kept, POSITIONS_A_CHUNK, PackedBlock, Patches, Sketch};
+use crate::packed::{Atom, Atoms, Ids, Kept, PackedBlock, Patches, Sketch};
 use crate::shard_index::{NOT_STORED, ShardIndex};
 use crate::{Extent, FieldError, zarr};
 
@@ -22,8 +26,10 @@ use crate::{Extent, FieldError, zarr};
 const ZSTD_LEVEL: i32 = 17;
 const SHORTEST_MATCH: u32 = 7;
 
-/// The most bytes that the atoms of one chunk may take.
+/// The most bytes of a row.
 const MOST_BYTES: usize = 1 << 27;
+/// Components of the bases in one row.
+const COMPONENTS_A_ROW: usize = 8;
 
 /// What is known of a packed block besides its arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,7 +37,7 @@ const MOST_BYTES: usize = 1 << 27;
 pub struct BlockRecord {
     /// Components of its longest basis; 0 if it shows nothing.
     pub rank: usize,
-    /// Bytes of the atoms of each chunk of positions, with padding.
+    /// Bytes of each of its rows, with padding.
     pub bytes: usize,
     /// Where its light went.
     pub kept: Kept,
@@ -41,6 +47,11 @@ impl BlockRecord {
     /// Whether a block can be so.
     pub(crate) fn is_possible(&self) -> bool {
         self.rank <= Atoms::MOST_COEFFICIENTS && self.bytes <= MOST_BYTES
+    }
+
+    /// Rows before those of the positions.
+    fn rows_of_bases(&self) -> usize {
+        self.rank.div_ceil(COMPONENTS_A_ROW) + 1
     }
 }
 
@@ -77,23 +88,19 @@ pub(crate) fn pack(extent: &Extent, squares: usize, sketches: &[Sketch], error: 
             }
         }
     }
-    let chunks: Vec<Vec<u8>> = (0..sketches.len())
-        .collect::<Vec<_>>()
-        .chunks(POSITIONS_A_CHUNK)
-        .map(|positions| {
+    let positions = (0..sketches.len())
+        .map(|position| {
             let mut writing = Writing::default();
-            for position in positions {
-                for patch in &packed {
-                    writing.begin_patch();
-                    for OwnedAtom { id, exponent, coefficients } in &patch.atoms[*position] {
-                        writing.push(Atom { id: *id, exponent: *exponent, coefficients });
-                    }
+            for patch in &packed {
+                writing.begin_patch();
+                for OwnedAtom { id, exponent, coefficients } in &patch.atoms[position] {
+                    writing.push(Atom { id: *id, exponent: *exponent, coefficients });
                 }
             }
             writing.finish()
         })
         .collect();
-    Packed { patches, rank, basis, steps, chunks, kept }
+    Packed { patches, rank, basis, steps, positions, kept }
 }
 
 /// A packed block, to be written.
@@ -102,7 +109,8 @@ pub(crate) struct Packed {
     rank: usize,
     basis: Vec<i8>,
     steps: Vec<f32>,
-    chunks: Vec<Vec<u8>>,
+    /// The atoms of each position.
+    positions: Vec<Vec<u8>>,
     kept: Kept,
 }
 
@@ -110,38 +118,35 @@ impl Packed {
     /// Writes the block into `folder`: its record last, so that a block with a record is whole.
     pub(crate) fn write(self, folder: &Path) -> Result<BlockRecord, FieldError> {
         let write = |source| FieldError::Write { path: folder.to_path_buf(), source };
-        let bytes = if self.rank == 0 { 0 } else { self.chunks.iter().map(Vec::len).max().unwrap_or(0) };
+        if self.rank == 0 {
+            let record = BlockRecord { rank: 0, bytes: 0, kept: self.kept };
+            write_json(&folder.join("zarr.json"), &zarr::group(&json!({ "block": record })))?;
+            return Ok(record);
+        }
+        let [height, width] = self.patches.block();
+        let basis: Vec<u8> = self.basis.iter().map(|value| value.to_le_bytes()[0]).collect();
+        let steps: Vec<u8> = self.steps.iter().flat_map(|step| step.to_le_bytes()).collect();
+        let of_components = COMPONENTS_A_ROW * 3 * height * width;
+        let mut rows: Vec<&[u8]> = basis.chunks(of_components).collect();
+        rows.push(&steps);
+        rows.extend(self.positions.iter().map(Vec::as_slice));
+        // Rows of bases are whole even where the last components are not there.
+        let bytes = rows.iter().map(|row| row.len()).max().unwrap_or(0).max(of_components);
         if bytes > MOST_BYTES {
             return Err(write(io::Error::other(format!("{bytes} bytes of atoms: pack with a larger error"))));
         }
         let record = BlockRecord { rank: self.rank, bytes, kept: self.kept };
         fs::create_dir_all(folder).map_err(write)?;
-        if self.rank > 0 {
-            let ([height, width], [down, across]) = (self.patches.block(), self.patches.counts());
-            let shape = [self.rank, 3, height, width];
-            let names = ["component", "channel", "y", "x"];
-            let basis = zarr::array("int8", &shape, &shape, &names, "vectors of the patches' bases");
-            write_file(&folder.join("basis/c/0/0/0/0"), &compress(&to_bytes(&self.basis)).map_err(write)?)?;
-            write_json(&folder.join("basis/zarr.json"), &basis)?;
-            let shape = [self.rank, down, across];
-            let names = ["component", "patch_y", "patch_x"];
-            let steps = zarr::array("float32", &shape, &shape, &names, "transfer per unit of coefficient and vector");
-            let raw: Vec<u8> = self.steps.iter().flat_map(|step| step.to_le_bytes()).collect();
-            write_file(&folder.join("steps/c/0/0/0"), &compress(&raw).map_err(write)?)?;
-            write_json(&folder.join("steps/zarr.json"), &steps)?;
-            let shard = shard(&self.chunks, bytes).map_err(write)?;
-            write_file(&folder.join("atoms/c/0/0"), &shard)?;
-            let unit = "atoms of 8 positions, as FORMAT.md describes";
-            let atoms = zarr::rows_of_bytes([self.chunks.len(), bytes], ["positions", "byte"], unit);
-            write_json(&folder.join("atoms/zarr.json"), &atoms)?;
-        }
-        write_json(&folder.join("zarr.json"), &zarr::group(&json!({ "block": record })))?;
+        write_file(&folder.join(zarr::ROWS), &shard(&rows, bytes).map_err(write)?)?;
+        let unit = "bases, steps and atoms, as FORMAT.md describes";
+        let attributes = json!({ "unit": unit, "block": record });
+        write_json(&folder.join("zarr.json"), &zarr::rows_of_bytes([rows.len(), bytes], ["row", "byte"], &attributes))?;
         Ok(record)
     }
 }
 
 #[derive(Deserialize)]
-struct Group {
+struct Node {
     attributes: Attributes,
 }
 
@@ -153,7 +158,7 @@ struct Attributes {
 /// The record of a block that is written; `None` if it is not.
 pub(crate) fn record(folder: &Path) -> Option<BlockRecord> {
     let text = fs::read_to_string(folder.join("zarr.json")).ok()?;
-    serde_json::from_str::<Group>(&text).ok().map(|group| group.attributes.block)
+    serde_json::from_str::<Node>(&text).ok().map(|node| node.attributes.block)
 }
 
 /// Reads a block: of its atoms those of positions that are `wanted`.
@@ -167,50 +172,109 @@ pub(crate) fn read(
 ) -> Result<PackedBlock, FieldError> {
     let patches = Patches::new(extent.rows.len(), extent.columns.len());
     let [height, width] = patches.block();
-    let rank = record.rank;
-    let ids = squares * squares + Groups::new(squares).len();
-    let mut chunks = vec![None; positions.div_ceil(POSITIONS_A_CHUNK)];
-    let size_of = |chunk: usize| POSITIONS_A_CHUNK.min(positions - chunk * POSITIONS_A_CHUNK);
+    let (rank, ids) = (record.rank, Ids::new(squares));
     if rank == 0 {
-        let none = |chunk: usize| {
-            let mut writing = Writing::default();
-            (0..size_of(chunk) * patches.len()).for_each(|_| writing.begin_patch());
-            Atoms::parse(writing.finish(), size_of(chunk), patches.len(), 0, ids).ok()
-        };
-        let chunks = (0..chunks.len()).map(none).collect();
-        return Ok(PackedBlock { extent, patches, rank, basis: Vec::new(), steps: Vec::new(), chunks });
+        let mut dark = Writing::default();
+        (0..patches.len()).for_each(|_| dark.begin_patch());
+        let dark = Atoms::parse(&dark.finish(), patches.len(), 0, ids).ok();
+        let positions = vec![dark; positions];
+        return Ok(PackedBlock { extent, patches, rank, basis: Vec::new(), steps: Vec::new(), positions });
     }
-    let basis = decompress_file(&folder.join("basis/c/0/0/0/0"), rank * 3 * height * width)?;
-    let steps = decompress_file(&folder.join("steps/c/0/0/0"), rank * patches.len() * 4)?;
-    let path = folder.join("atoms/c/0/0");
-    let read = |source| FieldError::Read { path: path.clone(), source };
-    let damaged = |reason: String| FieldError::Damaged { path: path.clone(), reason };
-    let file = File::open(&path).map_err(read)?;
-    let index = ShardIndex::read(&file, &path, chunks.len())?.entries;
-    for (chunk, entry) in index.into_iter().enumerate() {
-        let first = chunk * POSITIONS_A_CHUNK;
-        if !(first..first + size_of(chunk)).any(&wanted) {
-            continue;
-        }
-        if entry == NOT_STORED {
-            return Err(damaged(format!("the atoms of positions {first} and on are not there")));
-        }
-        let [offset, bytes] = entry;
-        let mut frame = vec![0; bytes as usize];
-        file.read_exact_at(&mut frame, offset).map_err(read)?;
-        let of_chunk =
-            |reason: String| damaged(format!("positions {first} to {}: {reason}", first + size_of(chunk) - 1));
-        let raw = decompress(&frame, record.bytes).map_err(of_chunk)?;
-        let atoms = Atoms::parse(raw, size_of(chunk), patches.len(), rank, ids).map_err(of_chunk)?;
-        chunks[chunk] = Some(atoms);
+    let first = record.rows_of_bases();
+    let mut rows = Rows::open(folder, record, first + positions, |row| row < first || wanted(row - first))?;
+    let of_components = COMPONENTS_A_ROW * 3 * height * width;
+    if record.bytes < of_components.max(rank * patches.len() * 4) {
+        return Err(rows.damaged(format!("rows of {} bytes are too short", record.bytes)));
     }
-    let basis = basis.into_iter().map(|byte| i8::from_le_bytes([byte])).collect();
-    let steps = steps.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
-    Ok(PackedBlock { extent, patches, rank, basis, steps, chunks })
+    let mut basis = Vec::with_capacity((first - 1) * of_components);
+    for row in 0..first - 1 {
+        let of_row = rows.next(&format!("components {} and on", row * COMPONENTS_A_ROW))?;
+        basis.extend(of_row[..of_components].iter().map(|byte| i8::from_le_bytes([*byte])));
+    }
+    basis.truncate(rank * 3 * height * width);
+    let of_row = &rows.next("the steps")?[..rank * patches.len() * 4];
+    let steps = of_row.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
+    let read = |position: usize| {
+        if !wanted(position) {
+            return Ok(None);
+        }
+        let atoms = Atoms::parse(rows.next(&format!("position {position}"))?, patches.len(), rank, ids);
+        atoms.map(Some).map_err(|reason| rows.damaged(format!("position {position}: {reason}")))
+    };
+    let positions = (0..positions).map(read).collect::<Result<_, _>>()?;
+    Ok(PackedBlock { extent, patches, rank, basis, steps, positions })
 }
 
-fn to_bytes(values: &[i8]) -> Vec<u8> {
-    values.iter().map(|value| value.to_le_bytes()[0]).collect()
+/// Rows of a block, read in their order.
+struct Rows {
+    path: PathBuf,
+    /// Their frames, one behind the other.
+    frames: Vec<u8>,
+    lengths: std::vec::IntoIter<usize>,
+    at: usize,
+    decompressor: Decompressor<'static>,
+    bytes: usize,
+    row: Vec<u8>,
+}
+
+impl Rows {
+    /// Reads the frames of the rows that are wanted: those that lie together at once.
+    fn open(
+        folder: &Path,
+        record: &BlockRecord,
+        number: usize,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<Self, FieldError> {
+        let path = folder.join(zarr::ROWS);
+        let read = |source| FieldError::Read { path: path.clone(), source };
+        let file = File::open(&path).map_err(read)?;
+        // Rows are small and lie apart: what follows one is read for nothing. It is advice, so failing it is no failure.
+        #[cfg(target_os = "linux")]
+        let _ = rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::Random);
+        let index = ShardIndex::read(&file, &path, number)?.entries;
+        let mut lengths = Vec::new();
+        let mut together: Vec<[u64; 2]> = Vec::new();
+        for (row, entry) in index.into_iter().enumerate().filter(|(row, _)| wanted(*row)) {
+            if entry == NOT_STORED {
+                return Err(FieldError::Damaged { path, reason: format!("row {row} is not there") });
+            }
+            let [offset, length] = entry;
+            lengths.push(length as usize);
+            match together.last_mut() {
+                Some([begin, all]) if *begin + *all == offset => *all += length,
+                _ => together.push(entry),
+            }
+        }
+        let mut frames = Vec::new();
+        for [offset, length] in together {
+            let begin = frames.len();
+            frames.resize(begin + length as usize, 0);
+            file.read_exact_at(&mut frames[begin..], offset).map_err(read)?;
+        }
+        let decompressor = Decompressor::new().map_err(read)?;
+        let bytes = record.bytes;
+        Ok(Self { path, frames, lengths: lengths.into_iter(), at: 0, decompressor, bytes, row: Vec::new() })
+    }
+
+    /// The next row; `what` it holds, for messages.
+    fn next(&mut self, what: &str) -> Result<&[u8], FieldError> {
+        let length = self.lengths.next().unwrap_or(0);
+        let frame = &self.frames[self.at..self.at + length];
+        self.at += length;
+        self.row.clear();
+        self.row.reserve_exact(self.bytes.min(MOST_BYTES));
+        if let Err(error) = self.decompressor.decompress_to_buffer(frame, &mut self.row) {
+            return Err(self.damaged(format!("{what}: {error}")));
+        }
+        if self.row.len() != self.bytes {
+            return Err(self.damaged(format!("{what}: {} bytes instead of {}", self.row.len(), self.bytes)));
+        }
+        Ok(&self.row)
+    }
+
+    fn damaged(&self, reason: String) -> FieldError {
+        FieldError::Damaged { path: self.path.clone(), reason }
+    }
 }
 
 fn compress(raw: &[u8]) -> io::Result<Vec<u8>> {
@@ -220,12 +284,12 @@ fn compress(raw: &[u8]) -> io::Result<Vec<u8>> {
     compressor.compress(raw)
 }
 
-/// The chunks, each padded to `bytes`, and their index.
-fn shard(chunks: &[Vec<u8>], bytes: usize) -> io::Result<Vec<u8>> {
-    let frames: Vec<Vec<u8>> = chunks
+/// The rows, each padded to `bytes`, and their index.
+fn shard(rows: &[&[u8]], bytes: usize) -> io::Result<Vec<u8>> {
+    let frames: Vec<Vec<u8>> = rows
         .par_iter()
-        .map(|chunk| {
-            let mut padded = chunk.clone();
+        .map(|row| {
+            let mut padded = row.to_vec();
             padded.resize(bytes, 0);
             compress(&padded)
         })

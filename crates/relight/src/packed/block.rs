@@ -37,6 +37,13 @@ pub(crate) struct Slot(pub(crate) [[f32; COMPONENTS]; 3]);
 impl Slot {
     /// Nothing summed yet.
     pub(crate) const ZERO: Self = Self([[0.0; COMPONENTS]; 3]);
+
+    /// Whether it adds nothing.
+    #[inline(always)]
+    pub(crate) fn is_zero(&self) -> bool {
+        // Without the sign, so that −0 is 0.
+        self.0.as_flattened().iter().fold(0, |bits, sum| bits | sum.to_bits() << 1) == 0
+    }
 }
 
 /// One block of a packed field in memory, laid out for the sum: 8 bits a coefficient and a value of the bases.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use relumine_field::packed::{Atom, Atoms, POSITIONS_A_CHUNK, PackedBlock};
+use relumine_field::packed::{Atom, Atoms, PackedBlock};
 
 use crate::packed::block::{COMPONENTS, PIXELS, Place};
 use crate::packed::{PackedError, ResidentBlock};
@@ -38,8 +38,8 @@ impl ResidentBlock {
             let (basis, steps) = (block.basis.len(), block.steps.len());
             return Err(PackedError::Shape { patches: patches.len(), rank: block.rank, basis, steps });
         }
-        let positions = positions_of(block);
-        let read = |position: usize| wanted(position) && block.chunks[position / POSITIONS_A_CHUNK].is_some();
+        let positions = block.positions.len();
+        let read = |position: usize| wanted(position) && block.positions[position].is_some();
         let mut resident = Self {
             extent: extent.clone(),
             patches,
@@ -111,7 +111,12 @@ impl ResidentBlock {
                         self.basis.resize(plane + PIXELS, 0);
                         for (to, y) in self.basis[plane..].chunks_exact_mut(8).zip(rows.clone()) {
                             let from = ((component * 3 + channel) * height + y) * width;
-                            to[..columns.len()].copy_from_slice(&block.basis[from..][columns.clone()]);
+                            let from = &block.basis[from..][columns.clone()];
+                            // Almost all patches are whole: one store instead of a call.
+                            match (<&mut [_; 8]>::try_from(&mut *to), <&[_; 8]>::try_from(from)) {
+                                (Ok(to), Ok(from)) => *to = *from,
+                                _ => to[..columns.len()].copy_from_slice(from),
+                            }
                         }
                     }
                     start += 1;
@@ -125,12 +130,6 @@ impl ResidentBlock {
 /// Rows and columns in 32 bits.
 fn small_ranges((rows, columns): (Range<usize>, Range<usize>)) -> [Range<u32>; 2] {
     [rows, columns].map(|range| range.start as u32..range.end as u32)
-}
-
-/// Positions of a block, the last chunk of which may be short.
-fn positions_of(block: &PackedBlock) -> usize {
-    let last = block.chunks.last().and_then(Option::as_ref).map_or(POSITIONS_A_CHUNK, Atoms::positions);
-    block.chunks.len().saturating_sub(1) * POSITIONS_A_CHUNK + if block.chunks.is_empty() { 0 } else { last }
 }
 
 /// The coefficients of an atom without zeros at the end.
@@ -235,7 +234,9 @@ fn write_atoms<'b, I: Iterator<Item = &'b (u16, u8, &'b [i8])>>(atoms: impl Fn()
 
 /// The first 8 coefficients, with zeros behind them.
 fn write_coefficients(coefficients: &[i8], bytes: &mut Vec<u8>) {
-    let mut eight = [0; COMPONENTS];
-    eight.iter_mut().zip(coefficients).for_each(|(byte, value)| *byte = value.to_le_bytes()[0]);
-    bytes.extend(eight);
+    let eight = match coefficients.first_chunk::<COMPONENTS>() {
+        Some(eight) => *eight,
+        None => std::array::from_fn(|index| coefficients.get(index).copied().unwrap_or(0)),
+    };
+    bytes.extend_from_slice(&eight.map(|value| value.to_le_bytes()[0]));
 }

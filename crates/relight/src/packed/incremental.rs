@@ -25,6 +25,8 @@ pub struct Incremental {
     light: Coefficients,
     picture: Image<Radiance>,
     blocks: Vec<BlockState>,
+    /// Whether `blocks` are of this light: where all is as well relit anew, their sums are not needed and left behind.
+    summed: bool,
     /// Σ |change| since all was summed anew.
     changed: f64,
 }
@@ -92,7 +94,8 @@ impl Incremental {
         let blocks = field.blocks().iter().map(state).collect();
         let mut dark = light.clone();
         dark.values_mut().fill([0.0; 3]);
-        let mut incremental = Self { light: dark, picture: Image::black(width, height), blocks, changed: 0.0 };
+        let picture = Image::black(width, height);
+        let mut incremental = Self { light: dark, picture, blocks, summed: false, changed: 0.0 };
         incremental.update(field, light)?;
         Ok(incremental)
     }
@@ -133,23 +136,40 @@ impl Incremental {
         if changed.is_empty() {
             return Ok(Update::default());
         }
-        let size = |value: f32| f64::from(value.abs());
-        let change = changed.iter().flat_map(|position| old[cells(*position)].iter().zip(&new[cells(*position)]));
-        self.changed += change.flat_map(|(old, new)| (0..3).map(|c| size(new[c] - old[c]))).sum::<f64>();
-        let present: f64 = new.as_flattened().iter().map(|value| size(*value)).sum();
         let lit = (0..positions).filter(|position| !light.is_position_dark(*position)).count();
-        // Differences take every changed position twice. What is not a number must not stay in the sums.
-        let anew = lit <= 2 * changed.len() || self.changed > DRIFT * present || !self.changed.is_finite();
-        let change = if anew {
-            self.changed = 0.0;
-            Change::Anew(LightWeights::new(light, squares, positions)?)
-        } else {
+        // Differences take every changed position twice.
+        let anew = lit <= 2 * changed.len() || self.has_drifted(light, &changed);
+        if anew {
+            field.relight_into(light, &mut self.picture)?;
+            self.summed = false;
+            self.light.clone_from(light);
+            let patches = field.blocks().iter().map(|block| block.patches.len()).sum();
+            return Ok(Update { positions: changed.len(), patches, patches_anew: patches, anew });
+        }
+        let change = if self.summed {
             let of = |light: &Coefficients| LightWeights::of_positions(light, squares, positions, &changed);
             Change::Differences(of(&self.light), of(light))
+        } else {
+            self.changed = 0.0;
+            Change::Anew(LightWeights::new(light, squares, positions)?)
         };
+        let anew = !self.summed;
+        self.summed = true;
         let [patches, patches_anew] = self.apply(field, &change);
         self.light.clone_from(light);
         Ok(Update { positions: changed.len(), patches, patches_anew, anew })
+    }
+
+    /// Whether so much has changed at some positions, now and before, that the sums might show it. What is not a number must not
+    /// stay in them either.
+    fn has_drifted(&mut self, light: &Coefficients, changed: &[usize]) -> bool {
+        let m2 = light.squares() * light.squares();
+        let (old, new) = (self.light.values(), light.values());
+        let size = |value: f32| f64::from(value.abs());
+        let cells = changed.iter().flat_map(|position| position * m2..(position + 1) * m2);
+        self.changed += cells.flat_map(|cell| (0..3).map(move |c| size(new[cell][c] - old[cell][c]))).sum::<f64>();
+        let present: f64 = new.as_flattened().iter().map(|value| size(*value)).sum();
+        self.changed > DRIFT * present || !self.changed.is_finite()
     }
 
     /// Brings sums and picture up to date; the number of patches touched and of those made anew.

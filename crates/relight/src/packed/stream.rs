@@ -1,7 +1,7 @@
 //! Relighting a block as it was read, and keeping nothing.
 
 use rayon::prelude::*;
-use relumine_field::packed::{POSITIONS_A_CHUNK, PackedBlock};
+use relumine_field::packed::PackedBlock;
 use relumine_radiometry::{Image, Radiance};
 
 use crate::packed::kernel::Kernel;
@@ -24,8 +24,8 @@ pub fn relight_block(block: &PackedBlock, lights: &[LightWeights]) -> Result<Vec
         }
         light.lit().for_each(|position| lit[position] = true);
     }
-    if block.chunks.len() != positions.div_ceil(POSITIONS_A_CHUNK) {
-        let found = block.chunks.len() * POSITIONS_A_CHUNK;
+    let found = block.positions.len();
+    if found != positions {
         return Err(PackedError::Positions { expected: positions, found });
     }
     let resident = ResidentBlock::of_positions(block, first.squares(), |position| lit.get(position) == Some(&true))?;

@@ -1,7 +1,7 @@
 //! Packed blocks of noise, for tests.
 
 use relumine_field::Extent;
-use relumine_field::packed::{Atoms, Groups, POSITIONS_A_CHUNK, PackedBlock, Patches};
+use relumine_field::packed::{Atoms, Groups, Ids, PackedBlock, Patches};
 
 /// Random numbers of one seed.
 pub(crate) struct Noise(pub(crate) u64);
@@ -75,21 +75,18 @@ impl Noisy {
         let basis = (0..rank * 3 * pixels).map(|_| (noise.bits() >> 56) as u8 as i8).collect();
         let step = |noise: &mut Noise, component: usize| (0.5 + noise.unit()) * 1e-3 / (1 + component) as f32;
         let steps = (0..rank * patches.len()).map(|index| step(&mut noise, index / patches.len())).collect();
-        let ids = self.squares * self.squares + Groups::new(self.squares).len();
-        let positions: Vec<usize> = (0..self.positions).collect();
-        let chunk = |positions: &[usize]| {
-            let mut lists = Vec::new();
-            for position in positions {
-                for (patch, rank) in ranks.iter().enumerate() {
-                    let (rows, columns) = patches.pixels(patch);
-                    let at = [extent.columns.start + columns.start, extent.rows.start + rows.start];
-                    lists.push(self.list(&mut noise, *position, at, *rank));
-                }
-            }
-            Some(Atoms::parse(to_bytes(&lists), positions.len(), patches.len(), rank, ids).expect("well written"))
+        let position = |position: usize| {
+            let list = |(patch, rank): (usize, &usize)| {
+                let (rows, columns) = patches.pixels(patch);
+                let at = [extent.columns.start + columns.start, extent.rows.start + rows.start];
+                self.list(&mut noise, position, at, *rank)
+            };
+            let lists: Vec<_> = ranks.iter().enumerate().map(list).collect();
+            let atoms = Atoms::parse(&to_bytes(&lists), patches.len(), rank, Ids::new(self.squares));
+            Some(atoms.expect("well written"))
         };
-        let chunks = positions.chunks(POSITIONS_A_CHUNK).map(chunk).collect();
-        PackedBlock { extent, patches, rank, basis, steps, chunks }
+        let positions = (0..self.positions).map(position).collect();
+        PackedBlock { extent, patches, rank, basis, steps, positions }
     }
 
     /// The atoms of the patch whose first pixel is `[x, y]` at a position.
@@ -107,7 +104,7 @@ impl Noisy {
                 let length = noise.within(0, rank);
                 let mut atoms = vec![OwnedAtom::new(noise, main, 3, length)];
                 atoms.extend((0..noise.within(0, 6)).map(|_| atom(noise)));
-                atoms
+                once_each(atoms)
             }
             Kind::Scene => {
                 let [width, height] = self.picture;
@@ -126,10 +123,18 @@ impl Noisy {
                     let (id, length) = (m * m + noise.within(0, groups - 1), noise.within(1, 4).min(rank));
                     atoms.push(OwnedAtom::new(noise, id, 2, length));
                 }
-                atoms
+                once_each(atoms)
             }
         }
     }
+}
+
+/// Without those whose id an earlier one has.
+fn once_each(mut atoms: Vec<OwnedAtom>) -> Vec<OwnedAtom> {
+    let ids: Vec<u16> = atoms.iter().map(|atom| atom.id).collect();
+    let mut index = 0..;
+    atoms.retain(|atom| index.next().is_some_and(|index| !ids[..index].contains(&atom.id)));
+    atoms
 }
 
 struct OwnedAtom {

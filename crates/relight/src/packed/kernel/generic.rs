@@ -299,6 +299,9 @@ unsafe fn planes_of<L: Lanes, const CHANNELS: usize>(
         let mut sums = [[L::splat(0.0); PIXELS / 8]; CHANNELS];
         for group in 0..components.div_ceil(COMPONENTS) {
             let (slot, steps) = (slots.get_unchecked(group), basis.steps.get_unchecked(group));
+            if slot.is_zero() {
+                continue;
+            }
             let mut values = *slot;
             for channel in &mut values.0 {
                 channel.iter_mut().zip(steps).for_each(|(value, step)| *value *= step);
