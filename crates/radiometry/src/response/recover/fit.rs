@@ -12,8 +12,11 @@ use crate::NoiseModel;
 const UNEXPLAINED: f64 = 0.005;
 /// Rounds with weights by count, which need no curve yet.
 const FIRST_ROUNDS: usize = 8;
+const CONVEX_ROUNDS: usize = 20;
 /// Rounds at most.
 const ROUNDS: usize = 40;
+/// The outermost part of the code range, where weights fade.
+const MARGIN: f64 = 0.04;
 /// Tukey's biweight ends here, in standard deviations.
 const FAR: f64 = 4.685;
 /// Prior standard deviation of the change of ln slope's gradient over one unit of the opened coordinate.
@@ -41,6 +44,7 @@ struct Observation {
     weight: f64,
     far: bool,
     residual: f64,
+    deviation: f64,
 }
 
 impl Observation {
@@ -65,7 +69,7 @@ pub(super) fn fit(knots: &Knots, pixels: &[Vec<f64>], log_times: &[f64]) -> Fit 
                     log_time: *log_time,
                     weight,
                     far: false,
-                    residual: 0.0,
+                    residual: 0.0, deviation: 1.0,
                 }
             })
             .collect()
@@ -76,7 +80,7 @@ pub(super) fn fit(knots: &Knots, pixels: &[Vec<f64>], log_times: &[f64]) -> Fit 
     let mut g = knots.log_exposures(&theta);
     for round in 0..ROUNDS {
         if round >= FIRST_ROUNDS {
-            reweigh(knots, &g, &mut stacks);
+            reweigh(knots, &g, &mut stacks, round >= CONVEX_ROUNDS);
         }
         let step = step(knots, &theta, &g, &stacks, &prior);
         let mut change = 0.0f64;
@@ -88,16 +92,16 @@ pub(super) fn fit(knots: &Knots, pixels: &[Vec<f64>], log_times: &[f64]) -> Fit 
             change = change.max((old - new).abs().min(1.0) * new.exp().sqrt());
         }
         g = next;
-        if round > FIRST_ROUNDS + 4 && change < 1e-7 {
+        if round > CONVEX_ROUNDS + 4 && change < 1e-7 {
             break;
         }
     }
-    reweigh(knots, &g, &mut stacks);
+    reweigh(knots, &g, &mut stacks, true);
     summary(&stacks, g)
 }
 
 /// New weights from the noise at the predicted exposure, and from how far an observation lies from the prediction.
-fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>]) {
+fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>], robust: bool) {
     let noise = NoiseModel::default();
     let shot = 1.0 / noise.full_well_electrons;
     let read = (noise.read_noise_electrons / noise.full_well_electrons).powi(2);
@@ -108,18 +112,13 @@ fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>]) {
             observation.residual = observation.g(g) - log_radiance - observation.log_time;
             let predicted = (log_radiance + observation.log_time).min(0.0);
             let exposure = predicted.exp();
-            let (fraction, slope) = knots.inverse(g, predicted);
+            let (_, slope) = knots.inverse(g, predicted);
             let rounding = (knots.one_count * slope).powi(2) / 12.0;
             let sensor = shot / exposure + read / (exposure * exposure);
             let variance = sensor + rounding + UNEXPLAINED * UNEXPLAINED;
-            // Counts that noise would carry out of the range are not used: those that stay in it are biased.
-            let deviation = (sensor.sqrt() / slope).max(knots.one_count);
-            let inside = fraction > 2.5 * deviation && fraction < 1.0 - 2.5 * deviation;
-            let by_noise = if inside { 1.0 / variance } else { 0.0 };
-            if by_noise > 0.0 {
-                ratios.push((observation.residual * by_noise.sqrt()).abs());
-            }
-            observation.weight = by_noise;
+            ratios.push((observation.residual / variance.sqrt()).abs());
+            observation.weight = taper(observation.fraction) / variance;
+            observation.deviation = variance.sqrt();
         }
     }
     if ratios.is_empty() {
@@ -129,11 +128,17 @@ fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>]) {
     let middle = ratios.len() / 2;
     let scale = (*ratios.select_nth_unstable_by(middle, f64::total_cmp).1 / 0.6745).max(0.2);
     for observation in stacks.iter_mut().flatten() {
-        let ratio = observation.residual * observation.weight.sqrt() / (FAR * scale);
+        let ratio = observation.residual / (FAR * scale * observation.deviation);
         observation.far = ratio.abs() >= 1.0;
-        let near = (1.0 - ratio * ratio).max(0.0);
-        observation.weight *= near * near / (scale * scale);
+        let near = if robust { (1.0 - ratio * ratio).max(0.0).powi(2) } else { (0.3 / ratio.abs()).min(1.0) };
+        observation.weight *= near / (scale * scale);
     }
+}
+
+/// Rises from 0 to 1 over the outermost parts of the range, so that noise takes hardly any observation in or out.
+fn taper(fraction: f64) -> f64 {
+    let inward = (fraction.min(1.0 - fraction) / MARGIN).min(1.0);
+    inward * inward * (3.0 - 2.0 * inward)
 }
 
 /// The weighted mean of g(Z) − ln t, if at least two observations count.
