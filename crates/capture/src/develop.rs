@@ -203,7 +203,7 @@ impl Developer {
         let linear: Vec<_> = linear.iter().map(|(image, t)| (image, *t)).collect();
         Ok(match (counts.is_empty(), linear.is_empty()) {
             (false, _) => Some(merge_counts(&counts, &self.linearization, NoiseModel::default())),
-            (_, false) => Some(merge_linear(&linear)),
+            (_, false) => Some(merge_linear(&linear, NoiseModel::default())),
             _ => None,
         })
     }
