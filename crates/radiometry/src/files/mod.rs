@@ -10,10 +10,11 @@
 //! are refused, and bytes of any kind give a picture or a [`FileError`], not a panic. Every writer goes through
 //! [`write_atomically`], and refuses what the reader would refuse.
 //!
-//! Not here: camera RAW, EXIF, deep or chroma-subsampled OpenEXR, XYZE pictures of Radiance.
+//! Not here: deep or chroma-subsampled OpenEXR, XYZE pictures of Radiance.
 
 mod atomic;
 mod error;
+mod exif;
 mod exr_canvas;
 mod exr_header;
 mod exr_read;
@@ -29,6 +30,7 @@ mod tests;
 
 pub use atomic::write_atomically;
 pub use error::FileError;
+pub use exif::{ExifExposure, exif_exposure, read_exif_exposure};
 pub use exr_header::read_exr_attribute;
 pub use exr_write::{ExrSample, write_exr};
 use picture::Format;
