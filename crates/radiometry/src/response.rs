@@ -1,9 +1,13 @@
-//! From camera counts to relative exposure: the response f of §4.2 (Debevec & Malik 1997), given, not recovered here.
+//! From camera counts to relative exposure: the response f of §4.2 (Debevec & Malik 1997), given or recovered.
 //!
 //! A camera gives the fraction f(X) of its code range at the relative exposure X, where 1 is clipping. f is linear, the
-//! sRGB curve, or a curve read from a response file. Recovering f from exposures is not done here yet.
+//! sRGB curve, a curve read from a response file, or one recovered from exposures ([`recover_response`]).
+
+mod recover;
 
 use std::path::Path;
+
+pub use recover::{ChannelFit, RecoveredResponse, RecoveryError, recover_response};
 
 use crate::display::srgb_decode;
 
@@ -81,6 +85,18 @@ impl ResponseCurve {
             return Err(fail(2, "a response that does not rise tells nothing about exposure".into()));
         }
         Ok(curve)
+    }
+
+    /// The curve through rising exposures of each channel at common fractions, both from 0 to 1: rows stand at the exposures
+    /// of all channels, so nothing is lost.
+    fn from_channels(exposures: &[Vec<f64>; 3], fractions: &[f64]) -> Self {
+        let mut rows: Vec<f64> = exposures.iter().flatten().copied().collect();
+        rows.sort_by(f64::total_cmp);
+        rows.dedup();
+        let fractions = std::array::from_fn(|channel| {
+            rows.iter().map(|row| interpolate(&exposures[channel], fractions, *row)).collect()
+        });
+        Self { exposures: rows, fractions }
     }
 
     /// f(X) for one channel.
