@@ -10,6 +10,7 @@ mod failure;
 mod import;
 mod inspect;
 mod light;
+mod merge;
 mod output;
 mod pack;
 mod plan;
@@ -59,6 +60,7 @@ enum Verb {
     Light(light::Arguments),
     Relight(relight::Arguments),
     Render(render::Arguments),
+    Merge(merge::Arguments),
     Compare(compare::Arguments),
     Inspect(inspect::Arguments),
     Pack(pack::Arguments),
@@ -79,6 +81,7 @@ fn main() -> ExitCode {
         Verb::Light(arguments) => light::run(&arguments, &talk),
         Verb::Relight(arguments) => relight::run(&arguments, &talk),
         Verb::Render(arguments) => render::run(&arguments, &talk),
+        Verb::Merge(arguments) => merge::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),

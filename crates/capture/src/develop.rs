@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use relumine_radiometry::files::{self, Picture};
+use relumine_radiometry::files::{self, Photograph, Picture};
 use relumine_radiometry::{
     Counts, Image, Linear, Linearization, Merged, NoiseModel, Radiance, Visibility, merge_counts, merge_linear,
 };
@@ -203,7 +203,7 @@ impl Developer {
         let linear: Vec<_> = linear.iter().map(|(image, t)| (image, *t)).collect();
         Ok(match (counts.is_empty(), linear.is_empty()) {
             (false, _) => Some(merge_counts(&counts, &self.linearization, NoiseModel::default())),
-            (_, false) => Some(merge_linear(&linear)),
+            (_, false) => Some(merge_linear(&linear, NoiseModel::default())),
             _ => None,
         })
     }
@@ -220,13 +220,35 @@ impl Developer {
         {
             return Ok(Err(format!("{}: the file has changed: its SHA-256 is not the listed one", path.display())));
         }
-        match files::decode_picture(&path, &bytes) {
-            Ok(picture) => {
+        match files::decode_photograph(&path, &bytes) {
+            Ok(photograph) => {
+                let picture = self.picture(&path, photograph)?;
                 self.check(&path, &picture)?;
                 Ok(Ok(picture))
             }
             Err(error) => Ok(Err(error.to_string())),
         }
+    }
+
+    /// The picture of a photograph; the levels that a camera's RAW says must be those of the set-up.
+    fn picture(&self, path: &Path, photograph: Photograph) -> Result<Picture, CaptureError> {
+        let raw = match photograph {
+            Photograph::Picture(picture) => return Ok(picture),
+            Photograph::Raw(raw) => raw,
+        };
+        let (black, white) = self.capture.setup().levels();
+        let said = raw.levels;
+        if (said.black, said.white) != (black, white) || self.capture.setup().response_name() != "linear" {
+            let reason = format!(
+                "a camera RAW with black_level = {}, white_level = {} and response = \"linear\", but capture.toml says \
+                 {black}, {white} and \"{}\"",
+                said.black,
+                said.white,
+                self.capture.setup().response_name()
+            );
+            return Err(CaptureError::Photograph { path: PathBuf::from(path), reason });
+        }
+        Ok(Picture::Integer { image: raw.image, bits: 16 })
     }
 
     /// Holds a picture against what the set-up promises.

@@ -18,7 +18,10 @@ pub use difference::{Difference, difference};
 pub use display::{Display, Tone, srgb_decode, srgb_encode};
 pub use exposure::{ExposureSettings, Gain};
 pub use image::{Counts, Encoded, Image, Linear, Linearity, Quantity, Radiance, Transfer};
-pub use merge::{Merged, NoiseModel, Visibility, merge_counts, merge_linear};
+pub use merge::{
+    ExposureRatio, Merged, NoiseModel, RefinedExposures, Visibility, merge_counts, merge_counts_plain, merge_linear,
+    refine_exposures,
+};
 pub use response::{
     ChannelFit, Linearization, RecoveredResponse, RecoveryError, Response, ResponseCurve, ResponseError,
     recover_response,

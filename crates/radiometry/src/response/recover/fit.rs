@@ -74,7 +74,8 @@ pub(super) fn fit(knots: &Knots, pixels: &[Vec<f64>], log_times: &[f64]) -> Fit 
                     log_time: *log_time,
                     weight,
                     far: false,
-                    residual: 0.0, deviation: 1.0,
+                    residual: 0.0,
+                    deviation: 1.0,
                 }
             })
             .collect()
