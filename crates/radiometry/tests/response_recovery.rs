@@ -82,7 +82,10 @@ fn a_known_response_comes_back_from_noisy_photographs() {
                 let stack = bracket(f, bits, black, times, 1 + u64::from(bits));
                 let found = recover(&stack, times, black, white);
                 let difference = largest_difference(curve(&found.response), f);
-                println!("{name}, {bits} bits, black {black}, steps of {spacing}: {difference:.5} {:?}", found.report[0]);
+                println!(
+                    "{name}, {bits} bits, black {black}, steps of {spacing}: {difference:.5} {:?}",
+                    found.report[0]
+                );
                 assert!(difference <= 0.01, "{name}, {bits} bits, black {black}, steps of {spacing}: {difference:.4}");
             }
         }
