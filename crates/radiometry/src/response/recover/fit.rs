@@ -98,7 +98,7 @@ pub(super) fn fit(knots: &Knots, pixels: &[Vec<f64>], log_times: &[f64]) -> Fit 
             change = change.max((old - new).abs().min(1.0) * new.exp().sqrt());
         }
         g = next;
-        if round > CONVEX_ROUNDS + 4 && change < 1e-7 {
+        if round > CONVEX_ROUNDS + 4 && change < 1e-6 {
             break;
         }
     }
