@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the input is damaged or incomplete.
 
+mod calibrate;
 mod capture;
 mod compare;
 mod demo;
@@ -10,6 +11,7 @@ mod failure;
 mod import;
 mod inspect;
 mod light;
+mod merge;
 mod output;
 mod pack;
 mod plan;
@@ -59,8 +61,10 @@ enum Verb {
     Light(light::Arguments),
     Relight(relight::Arguments),
     Render(render::Arguments),
+    Merge(merge::Arguments),
     Compare(compare::Arguments),
     Inspect(inspect::Arguments),
+    Calibrate(calibrate::Arguments),
     Pack(pack::Arguments),
 }
 
@@ -79,8 +83,10 @@ fn main() -> ExitCode {
         Verb::Light(arguments) => light::run(&arguments, &talk),
         Verb::Relight(arguments) => relight::run(&arguments, &talk),
         Verb::Render(arguments) => render::run(&arguments, &talk),
+        Verb::Merge(arguments) => merge::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
+        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),
     };
     match done {

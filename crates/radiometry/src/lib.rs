@@ -2,7 +2,7 @@
 //! display (paper, §4.2).
 //!
 //! Everything is scene-linear with Rec. 709 primaries unless its type says otherwise. This room does not know positions,
-//! squares or lamps, recovers no response curve and reads no camera RAW yet.
+//! squares or lamps and reads no camera RAW yet.
 
 mod description;
 mod difference;
@@ -18,5 +18,11 @@ pub use difference::{Difference, difference};
 pub use display::{Display, Tone, srgb_decode, srgb_encode};
 pub use exposure::{ExposureSettings, Gain};
 pub use image::{Counts, Encoded, Image, Linear, Linearity, Quantity, Radiance, Transfer};
-pub use merge::{Merged, NoiseModel, Visibility, merge_counts, merge_linear};
-pub use response::{Linearization, Response, ResponseCurve, ResponseError};
+pub use merge::{
+    ExposureRatio, Merged, NoiseModel, RefinedExposures, Visibility, merge_counts, merge_counts_plain, merge_linear,
+    refine_exposures,
+};
+pub use response::{
+    ChannelFit, Linearization, RecoveredResponse, RecoveryError, Response, ResponseCurve, ResponseError,
+    recover_response, response_plot,
+};

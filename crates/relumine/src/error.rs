@@ -69,6 +69,24 @@ pub enum Error {
         /// Where, what was expected, what came.
         reason: String,
     },
+    /// A list of exposures that cannot be.
+    #[error("{}:{line}: {reason}", path.display())]
+    ExposureList {
+        /// The list.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What was expected, what came.
+        reason: String,
+    },
+    /// Photographs that are no bracket of one view.
+    #[error("{}: {reason}", path.display())]
+    Bracket {
+        /// The first photograph that does not fit the others, or the list.
+        path: PathBuf,
+        /// What was expected, what came.
+        reason: String,
+    },
     /// A picture that is neither a mosaic for these cells nor a lat-long map.
     #[error(
         "{}: {width} × {height} pixels are neither a mosaic for these cells ({mosaic_width} × {mosaic_height}) nor a \
@@ -109,7 +127,13 @@ impl Error {
             }
             Self::Field(FieldError::Busy { .. }) => Some("wait for it to end, or choose another name"),
             Self::NotAlike { .. } => Some("hold it against what has the same cells and pictures of the same size"),
-            Self::LampList { .. } => Some("correct the list"),
+            Self::LampList { .. } | Self::ExposureList { .. } => Some("correct the list"),
+            Self::Bracket { .. } => {
+                Some("give photographs of one view, from one camera, that differ in nothing but the exposure")
+            }
+            Self::File(FileError::NoExposure { .. }) => {
+                Some("write `name seconds` of each photograph into a file, a line each, and give it with --list")
+            }
             Self::NothingUsable { .. } => Some("check that the photographs lie where the list says"),
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {
                 Some("a mosaic belongs to the cells it was written for; write one with `relumine light … --for FIELD`")
@@ -143,7 +167,12 @@ impl Error {
                     | FieldError::Geometry { .. }
             ),
             Self::File(error) => !matches!(error, FileError::Write { .. }),
-            Self::Scene(_) | Self::Light(_) | Self::NothingUsable { .. } | Self::LampList { .. } => true,
+            Self::Scene(_)
+            | Self::Light(_)
+            | Self::NothingUsable { .. }
+            | Self::LampList { .. }
+            | Self::ExposureList { .. }
+            | Self::Bracket { .. } => true,
             Self::Incident(_)
             | Self::Relight(_)
             | Self::NotAlike { .. }

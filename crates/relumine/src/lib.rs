@@ -27,16 +27,19 @@
 //! ```
 
 mod against;
+mod bracket;
 mod check;
 mod develop;
 mod error;
 mod import;
+mod kept_response;
 mod lights;
 mod pack;
 mod queue;
 mod scene_field;
 
 pub use against::{TestLight, differences, differences_from_photographs, test_lights};
+pub use bracket::{Bracket, BracketPhotograph, BracketResponse, ExposureList, Levels, MergedBracket};
 pub use check::CaptureCheck;
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
 pub use error::Error;

@@ -229,7 +229,7 @@ impl View {
             }
         }
         let merged = if counts.is_empty() {
-            merge_linear(&linear.iter().map(|(image, t)| (image, *t)).collect::<Vec<_>>())
+            merge_linear(&linear.iter().map(|(image, t)| (image, *t)).collect::<Vec<_>>(), NoiseModel::default())
         } else {
             let response = setup.linearization().ok_or("camera: response = \"recover\" cannot be examined")?;
             let counts: Vec<_> = counts.iter().map(|(image, t)| (image, *t)).collect();

@@ -26,7 +26,7 @@ pub enum FileError {
     },
     /// The content begins like no format known here.
     #[error(
-        "{}: expected an OpenEXR, Radiance HDR, PNG, TIFF or JPEG picture, found {start}",
+        "{}: expected an OpenEXR, Radiance HDR, PNG, TIFF, JPEG or camera RAW picture, found {start}",
         path.display()
     )]
     Unrecognised {
@@ -86,6 +86,14 @@ pub enum FileError {
         /// How many samples of the picture are bad.
         count: usize,
     },
+    /// A photograph does not say how long it was exposed.
+    #[error("{}: a photograph with its exposure time in EXIF was expected, but {reason}", path.display())]
+    NoExposure {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+    },
     /// Scene-linear samples were asked for, and the file holds integers with an unknown curve.
     #[error(
         "{}: linear floating-point samples were expected (OpenEXR, Radiance HDR or float TIFF), found a {found}",
@@ -131,6 +139,7 @@ impl FileError {
             | Self::Unsupported { path, .. }
             | Self::TooLarge { path, .. }
             | Self::NotFinite { path, .. }
+            | Self::NoExposure { path, .. }
             | Self::NotLinear { path, .. }
             | Self::OutOfRange { path, .. } => path,
         }

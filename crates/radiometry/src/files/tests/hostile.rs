@@ -10,7 +10,7 @@ use super::super::{FileError, read_exr_attribute};
 use super::{decode, samples};
 
 /// The same cases every time; `RELUMINE_CASES` asks for more than a test run has time for.
-fn runner(cases: u32) -> TestRunner {
+pub(super) fn runner(cases: u32) -> TestRunner {
     let cases = std::env::var("RELUMINE_CASES").ok().and_then(|cases| cases.parse().ok()).unwrap_or(cases);
     let config = ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() };
     let seed = std::env::var("RELUMINE_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(7);

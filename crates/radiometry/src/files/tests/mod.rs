@@ -1,5 +1,7 @@
 //! Claims about files: what is written comes back, what others write is understood, what is broken is refused.
 
+mod camera_raw;
+mod exif;
 mod hostile;
 mod integer_formats;
 mod limits;
@@ -8,6 +10,7 @@ mod radiance;
 mod real;
 mod round_trips;
 mod samples;
+mod tiff_tags;
 
 use std::path::Path;
 
