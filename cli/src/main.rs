@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the input is damaged or incomplete.
 
+mod calibrate;
 mod capture;
 mod compare;
 mod demo;
@@ -62,6 +63,7 @@ enum Verb {
     Compare(compare::Arguments),
     Inspect(inspect::Arguments),
     Pack(pack::Arguments),
+    Calibrate(calibrate::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -82,6 +84,7 @@ fn main() -> ExitCode {
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),
+        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

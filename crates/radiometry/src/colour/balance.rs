@@ -33,7 +33,9 @@ mod tests {
 
     #[test]
     fn a_channel_without_light_cannot_be_balanced() {
-        for measured in [[0.0, 1.0, 1.0], [1.0, -0.1, 1.0], [1.0, 1.0, f64::NAN], [f64::INFINITY, 1.0, 1.0], [1.0, 1e-320, 1.0]] {
+        for measured in
+            [[0.0, 1.0, 1.0], [1.0, -0.1, 1.0], [1.0, 1.0, f64::NAN], [f64::INFINITY, 1.0, 1.0], [1.0, 1e-320, 1.0]]
+        {
             assert_eq!(white_balance(measured), None, "{measured:?}");
         }
     }

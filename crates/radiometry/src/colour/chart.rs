@@ -118,7 +118,9 @@ mod tests {
 
     #[test]
     fn names_agree_whatever_their_zeros() {
-        for (written, name) in [("A01", "A1"), ("a1", "A1"), ("A10", "A10"), ("SAT08", "SAT8"), ("B00", "B0"), ("1", "1")] {
+        for (written, name) in
+            [("A01", "A1"), ("a1", "A1"), ("A10", "A10"), ("SAT08", "SAT8"), ("B00", "B0"), ("1", "1")]
+        {
             assert_eq!(patch_name(written), name);
         }
         assert_eq!(patch_name(""), "");

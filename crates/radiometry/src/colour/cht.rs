@@ -84,9 +84,10 @@ fn finish(
         let [left, top, right, bottom] = patch.rectangle;
         patch.margin = (shrink / (right - left).min(bottom - top)).clamp(MARGIN, 0.45);
     }
-    let around = patches.iter().map(|patch| patch.rectangle).reduce(|a, b| {
-        [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
-    });
+    let around = patches
+        .iter()
+        .map(|patch| patch.rectangle)
+        .reduce(|a, b| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]);
     let [left, top, right, bottom] = around.unwrap_or_default();
     Ok(Chart {
         name: path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default(),

@@ -111,11 +111,8 @@ mod tests {
     use super::*;
     use crate::Radiance;
 
-    const ROOTS: [[f64; 6]; 3] = [
-        [1.5, -0.2, 0.1, -0.3, 0.02, -0.1],
-        [-0.1, 1.2, 0.05, 0.1, -0.2, 0.03],
-        [0.02, -0.3, 1.4, 0.01, -0.1, -0.05],
-    ];
+    const ROOTS: [[f64; 6]; 3] =
+        [[1.5, -0.2, 0.1, -0.3, 0.02, -0.1], [-0.1, 1.2, 0.05, 0.1, -0.2, 0.03], [0.02, -0.3, 1.4, 0.01, -0.1, -0.05]];
 
     #[test]
     fn a_matrix_is_linear_in_light_and_a_root_polynomial_in_exposure_only() {

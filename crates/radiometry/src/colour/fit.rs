@@ -1,6 +1,8 @@
 //! Fitting a colour correction to measured patches: linear least squares first, then Levenberg and Marquardt's method on
 //! the sum of ΔE₀₀².
 
+use serde::{Deserialize, Serialize};
+
 use super::ColourError;
 use super::correction::{Correction, Model};
 use super::difference::{components, delta_e_2000};
@@ -60,7 +62,8 @@ pub struct PatchFit {
 }
 
 /// Mean, median and largest ΔE₀₀.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Errors {
     /// Mean.
     pub mean: f64,
@@ -116,15 +119,19 @@ impl ColourFit {
         }
         let white = white.filter(|_| keep_white);
         let space = Unknowns::new(model, white);
-        let whole = space.fit(&samples, None).ok_or_else(|| {
-            ColourError::Patches("the patches do not tell the camera's three channels apart: do the corners lie on the chart?".into())
+        let all: Vec<&Sample> = samples.iter().collect();
+        let start = space.linear(&all).ok_or_else(|| {
+            ColourError::Patches(
+                "the patches do not tell the camera's three channels apart: do the corners lie on the chart?".into(),
+            )
         })?;
+        let whole = space.refine(&all, &start);
         let fitted = space.coefficients(&whole);
         let scaled_to: Vec<&Sample> = if neutral.is_empty() { samples.iter().collect() } else { neutral };
         // Neutral patches keep their luminance: least squares of s · Y(corrected) against Y(camera).
-        let scale = ratio(scaled_to.iter().map(|sample| {
-            (luminance(apply(model, &fitted, sample.camera)), luminance(sample.camera))
-        }));
+        let scale = ratio(
+            scaled_to.iter().map(|sample| (luminance(apply(model, &fitted, sample.camera)), luminance(sample.camera))),
+        );
         let before = ratio(scaled_to.iter().map(|s| (luminance(s.camera), luminance(rec709_of_d50(s.xyz)))));
         if !(scale > 0.0 && scale.is_finite() && before > 0.0) {
             return Err(ColourError::Patches("the fit ends at no colours: do the corners lie on the chart?".into()));
@@ -154,7 +161,8 @@ impl ColourFit {
 
     /// Figures over all patches, of ΔE₀₀ before, after, or held out.
     pub fn errors(&self, error: impl Fn(&PatchFit) -> f64) -> Errors {
-        let mut errors: Vec<(f64, &str)> = self.patches.iter().map(|patch| (error(patch), patch.name.as_str())).collect();
+        let mut errors: Vec<(f64, &str)> =
+            self.patches.iter().map(|patch| (error(patch), patch.name.as_str())).collect();
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
         let count = errors.len();
         let (max, worst) = errors[count - 1];
@@ -251,17 +259,13 @@ impl Unknowns {
         })
     }
 
-    /// Starts from `start`, or from linear least squares; `None` if that is open.
-    fn fit<'a>(&self, samples: impl IntoIterator<Item = &'a Sample> + Clone, start: Option<&[f64]>) -> Option<Vec<f64>> {
-        let mut unknowns = match start {
-            Some(start) => start.to_vec(),
-            None => self.linear(samples.clone())?,
-        };
-        let samples: Vec<&Sample> = samples.into_iter().collect();
-        let mut residuals = self.residuals(&samples, &unknowns);
+    /// Goes from `start` to the least Σ ΔE₀₀².
+    fn refine(&self, samples: &[&Sample], start: &[f64]) -> Vec<f64> {
+        let mut unknowns = start.to_vec();
+        let mut residuals = self.residuals(samples, &unknowns);
         let (mut error, mut damping) = (squares(&residuals), 1e-3);
         for _ in 0..STEPS {
-            let jacobian = self.jacobian(&samples, &unknowns);
+            let jacobian = self.jacobian(samples, &unknowns);
             let lengths: Vec<f64> =
                 (0..unknowns.len()).map(|k| jacobian.iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt()).collect();
             let mut better = None;
@@ -277,7 +281,8 @@ impl Unknowns {
                 }
                 let step = least_squares_of(rows, right, unknowns.len());
                 let tried = step.map(|step| unknowns.iter().zip(&step).map(|(a, b)| a + b).collect::<Vec<f64>>());
-                better = tried.map(|tried| (self.residuals(&samples, &tried), tried)).filter(|(r, _)| squares(r) < error);
+                better =
+                    tried.map(|tried| (self.residuals(samples, &tried), tried)).filter(|(r, _)| squares(r) < error);
                 damping *= if better.is_some() { 0.2 } else { 5.0 };
             }
             let Some((found, tried)) = better else { break };
@@ -288,11 +293,11 @@ impl Unknowns {
                 break;
             }
         }
-        Some(unknowns)
+        unknowns
     }
 
-    /// Linear least squares in Rec. 709; dark patches weigh more, as they do to the eye.
-    fn linear<'a>(&self, samples: impl IntoIterator<Item = &'a Sample>) -> Option<Vec<f64>> {
+    /// Linear least squares in Rec. 709; dark patches weigh more, as they do to the eye. `None` if it is open.
+    fn linear(&self, samples: &[&Sample]) -> Option<Vec<f64>> {
         let (mut rows, mut right) = (Vec::new(), Vec::new());
         for sample in samples {
             let (target, features) = (rec709_of_d50(sample.xyz), self.model.features(sample.camera));
@@ -334,14 +339,13 @@ impl Unknowns {
     }
 }
 
-/// ΔE₀₀ of every patch after a fit without it; a part that leaves the fit open keeps the fit of all.
+/// ΔE₀₀ of every patch after a fit without it.
 fn hold_out(space: &Unknowns, samples: &[Sample], whole: &[f64]) -> Vec<f64> {
     let parts = samples.len().min(PARTS);
     let fits: Vec<[[f64; 6]; 3]> = (0..parts)
         .map(|part| {
             let kept = samples.iter().enumerate().filter(|(index, _)| index % parts != part).map(|(_, sample)| sample);
-            let fitted = space.fit(kept, Some(whole)).unwrap_or_else(|| whole.to_vec());
-            space.coefficients(&fitted)
+            space.coefficients(&space.refine(&kept.collect::<Vec<_>>(), whole))
         })
         .collect();
     let error = |(index, sample): (usize, &Sample)| {

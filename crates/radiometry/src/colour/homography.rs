@@ -11,7 +11,8 @@ impl Homography {
     /// and scaled to their spread (R. Hartley, "In Defense of the Eight-Point Algorithm", 1997). Exact for four pairs. `None` for
     /// fewer than four pairs, or if they leave the map open (three on a line).
     pub fn fit(pairs: &[([f64; 2], [f64; 2])]) -> Option<Self> {
-        let (from, to) = (Normalisation::of(pairs.iter().map(|pair| pair.0))?, Normalisation::of(pairs.iter().map(|p| p.1))?);
+        let (from, to) =
+            (Normalisation::of(pairs.iter().map(|pair| pair.0))?, Normalisation::of(pairs.iter().map(|p| p.1))?);
         let mut rows = Vec::with_capacity(2 * pairs.len());
         for (a, b) in pairs {
             let ([x, y], [u, v]) = (from.apply(*a), to.apply(*b));

@@ -42,13 +42,15 @@ impl Photograph {
                     )));
                 }
                 let table = Linearization::new(response, black_level, white_level);
-                let pixels = image.pixels().iter().map(|pixel| [0, 1, 2].map(|channel| table.exposure(channel, pixel[channel])));
-                let clipped = image.pixels().iter().map(|pixel| pixel.iter().any(|code| *code >= white_level)).collect();
+                let pixels =
+                    image.pixels().iter().map(|pixel| [0, 1, 2].map(|channel| table.exposure(channel, pixel[channel])));
+                let clipped =
+                    image.pixels().iter().map(|pixel| pixel.iter().any(|code| *code >= white_level)).collect();
                 Ok(Self { linear: Image::from_pixels(image.width(), image.height(), pixels.collect()), clipped })
             }
-            Picture::Float(_) if *response != Response::Linear => Err(ColourError::Patches(
-                "a float picture is linear already: say that its response is linear".into(),
-            )),
+            Picture::Float(_) if *response != Response::Linear => {
+                Err(ColourError::Patches("a float picture is linear already: say that its response is linear".into()))
+            }
             Picture::Float(image) => Ok(Self { linear: image.clone(), clipped: vec![false; image.pixels().len()] }),
         }
     }

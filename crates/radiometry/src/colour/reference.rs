@@ -7,7 +7,9 @@ use std::str::FromStr;
 
 use super::ColourError;
 use super::chart::Chart;
-use super::space::{A, C, D50, D65, Lab, Xyz, adaptation, chroma, lab_from_xyz, rec709_from_xyz, transform, xyz_from_lab};
+use super::space::{
+    A, C, D50, D65, Lab, Xyz, adaptation, chroma, lab_from_xyz, rec709_from_xyz, transform, xyz_from_lab,
+};
 use super::table::{Space, Table, read_table_text};
 
 /// The light that reference values are for.
@@ -27,8 +29,13 @@ pub enum Illuminant {
 }
 
 impl Illuminant {
-    const NAMES: [(&'static str, Self); 5] =
-        [("D50", Self::D50), ("D65", Self::D65), ("C", Self::C), ("A", Self::A), ("lightest-patch", Self::LightestPatch)];
+    const NAMES: [(&'static str, Self); 5] = [
+        ("D50", Self::D50),
+        ("D65", Self::D65),
+        ("C", Self::C),
+        ("A", Self::A),
+        ("lightest-patch", Self::LightestPatch),
+    ];
 }
 
 impl fmt::Display for Illuminant {
@@ -91,7 +98,9 @@ impl Reference {
         let is_chart = text.lines().any(|line| matches!(line.split_whitespace().next(), Some("BOXES" | "EXPECTED")));
         let table = if is_chart {
             let chart = Chart::parse_cht(path, text)?;
-            chart.expected.ok_or_else(|| ColourError::content(path, "this chart has no values: expected a line EXPECTED"))?
+            chart
+                .expected
+                .ok_or_else(|| ColourError::content(path, "this chart has no values: expected a line EXPECTED"))?
         } else {
             Table::parse(path, text)?
         };
@@ -122,7 +131,8 @@ impl Reference {
             Space::Xyz => values.map(|value| value / 100.0),
             Space::Lab => xyz_from_lab(values, white),
         };
-        let values = table.values.iter().map(|(name, values)| (name.clone(), transform(&to_d50, xyz(*values)))).collect();
+        let values =
+            table.values.iter().map(|(name, values)| (name.clone(), transform(&to_d50, xyz(*values)))).collect();
         Ok(Self { name, values })
     }
 

@@ -47,7 +47,9 @@ mod tests {
     #[test]
     fn a_line_through_points_with_errors_that_cancel_comes_back() {
         let rows: Vec<([f64; 2], f64)> = (0..10)
-            .map(|i| ([1.0, f64::from(i)], 3.0 - 0.5 * f64::from(i) + if i % 4 == 0 || i % 4 == 3 { 0.1 } else { -0.1 }))
+            .map(|i| {
+                ([1.0, f64::from(i)], 3.0 - 0.5 * f64::from(i) + if i % 4 == 0 || i % 4 == 3 { 0.1 } else { -0.1 })
+            })
             .take(8)
             .collect();
         let [offset, slope] = least_squares(&rows).unwrap();

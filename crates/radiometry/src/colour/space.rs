@@ -103,8 +103,7 @@ pub fn lab_from_xyz(xyz: Xyz, white: Xyz) -> Lab {
 pub fn xyz_from_lab([lightness, a, b]: Lab, white: Xyz) -> Xyz {
     const DELTA: f64 = 6.0 / 29.0;
     let y = (lightness + 16.0) / 116.0;
-    let inverse =
-        |f: f64| if f > DELTA { f * f * f } else { 3.0 * DELTA * DELTA * (f - 4.0 / 29.0) };
+    let inverse = |f: f64| if f > DELTA { f * f * f } else { 3.0 * DELTA * DELTA * (f - 4.0 / 29.0) };
     let ratios = [inverse(y + a / 500.0), inverse(y), inverse(y - b / 200.0)];
     [0, 1, 2].map(|index| ratios[index] * white[index])
 }

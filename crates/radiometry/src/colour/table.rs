@@ -103,10 +103,13 @@ impl Table {
                 }
             }
         }
-        Err(ColourError::content(path, match reading {
-            Some(_) => "the table does not end: expected END_DATA",
-            None => "no table: expected BEGIN_DATA_FORMAT … END_DATA_FORMAT and BEGIN_DATA … END_DATA",
-        }))
+        Err(ColourError::content(
+            path,
+            match reading {
+                Some(_) => "the table does not end: expected END_DATA",
+                None => "no table: expected BEGIN_DATA_FORMAT … END_DATA_FORMAT and BEGIN_DATA … END_DATA",
+            },
+        ))
     }
 }
 
@@ -114,10 +117,9 @@ impl Table {
 fn columns(fields: &[String]) -> Result<(usize, Space, [usize; 3]), String> {
     let place = |name: &str| fields.iter().position(|field| field == name);
     let name = ["SAMPLE_LOC", "SAMPLE_ID", "SAMPLE_NAME"].into_iter().find_map(place);
-    let name = name.ok_or_else(|| "the table does not name its patches: expected SAMPLE_LOC or SAMPLE_ID".to_string())?;
-    for (space, [x, y, z]) in
-        [(Space::Xyz, ["XYZ_X", "XYZ_Y", "XYZ_Z"]), (Space::Lab, ["LAB_L", "LAB_A", "LAB_B"])]
-    {
+    let name =
+        name.ok_or_else(|| "the table does not name its patches: expected SAMPLE_LOC or SAMPLE_ID".to_string())?;
+    for (space, [x, y, z]) in [(Space::Xyz, ["XYZ_X", "XYZ_Y", "XYZ_Z"]), (Space::Lab, ["LAB_L", "LAB_A", "LAB_B"])] {
         if let (Some(x), Some(y), Some(z)) = (place(x), place(y), place(z)) {
             return Ok((name, space, [x, y, z]));
         }
@@ -193,7 +195,8 @@ mod tests {
         assert_eq!(table.space, Space::Xyz);
         assert_eq!(table.values.len(), 2);
         assert_eq!((table.values["A1"], table.values["A 2"]), ([1.0, 2.0, 3.0], [4.0, 5.5, 6.0]));
-        let lab = SMALL.replace("XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B").replace("SAMPLE_ID SAMPLE_LOC", "SAMPLE_ID Q");
+        let lab =
+            SMALL.replace("XYZ_X XYZ_Y XYZ_Z", "LAB_L LAB_A LAB_B").replace("SAMPLE_ID SAMPLE_LOC", "SAMPLE_ID Q");
         let lab = parse(&lab).unwrap();
         assert_eq!((lab.space, lab.values["2"]), (Space::Lab, [4.0, 5.5, 6.0]));
     }
@@ -201,7 +204,11 @@ mod tests {
     #[test]
     fn what_cannot_be_says_where() {
         for (from, to, reason) in [
-            ("XYZ_Z", "SPEC_400", "t.cie:10: expected the fields XYZ_X XYZ_Y XYZ_Z or LAB_L LAB_A LAB_B, found SAMPLE_ID"),
+            (
+                "XYZ_Z",
+                "SPEC_400",
+                "t.cie:10: expected the fields XYZ_X XYZ_Y XYZ_Z or LAB_L LAB_A LAB_B, found SAMPLE_ID",
+            ),
             ("SAMPLE", "S", "t.cie:10: the table does not name its patches"),
             ("4 5.5 6e0", "4 5.5", "t.cie:12: expected 5 values, found 4"),
             ("4 5.5 6e0", "4 5.5 inf", "t.cie:12: expected 3 numbers"),
