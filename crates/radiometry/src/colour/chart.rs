@@ -37,10 +37,11 @@ impl Chart {
         Self::of_grid("ColorChecker 24", [6, 4], 0.885, name)
     }
 
-    /// ColorChecker Digital SG (140 patches): columns A to N, rows 1 to 10. A patch is 0.835 of their distance.
+    /// ColorChecker Digital SG (140 patches): columns A to N, rows 1 to 10. A patch is 0.77 of their distance, as
+    /// photographs show it.
     pub fn colorchecker_sg() -> Self {
         let name = |column: usize, row: usize| format!("{}{}", letter(column), row + 1);
-        Self::of_grid("ColorChecker SG", [14, 10], 0.835, name)
+        Self::of_grid("ColorChecker SG", [14, 10], 0.77, name)
     }
 
     /// ColorChecker DC (240 patches, the paper's chart): columns A to T, rows 1 to 12. A patch is 0.835 of their distance.

@@ -60,6 +60,10 @@ impl Chart {
                 _ => {}
             }
         }
+        if remaining > 0 || expected.as_ref().is_some_and(|table| table.values.is_empty()) {
+            let reason = format!("expected {remaining} more values after EXPECTED, found the end of the file");
+            return Err(ColourError::content(path, reason));
+        }
         finish(path, patches, marks, shrink, grid.filter(|_| arrays == 1), expected)
     }
 }
@@ -148,6 +152,10 @@ fn add_boxes(patches: &mut Vec<Patch>, x_first: bool, names: &[Vec<String>; 2], 
             let (x, y) = (left + column as f64 * step_x, top + row as f64 * step_y);
             let name = if x_first { format!("{x_name}{y_name}") } else { format!("{y_name}{x_name}") };
             let rectangle = [x, y, x + width, y + height];
+            // Far out a small width is lost in the digits of its place.
+            if !(x < x + width && y < y + height) {
+                return Err(format!("a box of {width} × {height} at ({x}, {y}) is too small to be one"));
+            }
             patches.push(Patch { name: patch_name(&name), rectangle, margin: MARGIN });
         }
     }
@@ -205,6 +213,8 @@ mod tests {
             ("X A B 1 2 8 9 2 3 12 14\nX A B 1 2 8 9 2 3 12 14\n", "two patches are called A1"),
             ("X A B 1 2 8 9 2 3 12 14\nEXPECTED RGB 3\n", "small.cht:2: expected XYZ or LAB"),
             ("X A B 1 2 8 9 2 3 12 14\nEXPECTED XYZ 2\nA1 1 2 3\nA1 1 2 3\n", "small.cht:4: A1 comes twice"),
+            ("X A B 1 2 8 9 2 3 12 14\nEXPECTED XYZ 2\nA1 1 2 3\n", "small.cht: expected 1 more values after EXPECTED"),
+            ("X A B 1 2 1e-160 9 2 3 12 14\n", "small.cht:1: a box of"),
         ] {
             let error = parse(text).unwrap_err();
             assert!(error.contains(reason), "{text:?}: {error}");
