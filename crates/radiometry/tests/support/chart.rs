@@ -70,10 +70,10 @@ impl Scene {
         for y in 0..height {
             for x in 0..width {
                 let mut sum = [0.0; 3];
-                for part in 0..9 {
-                    let (dx, dy) = (f64::from(part % 3) / 3.0 + 1.0 / 6.0, f64::from(part / 3) / 3.0 + 1.0 / 6.0);
+                for part in 0..4 {
+                    let (dx, dy) = (f64::from(part % 2) / 2.0 + 0.25, f64::from(part / 2) / 2.0 + 0.25);
                     let colour = at(x as f64 + dx, y as f64 + dy);
-                    (0..3).for_each(|channel| sum[channel] += colour[channel] / 9.0);
+                    (0..3).for_each(|channel| sum[channel] += colour[channel] / 4.0);
                 }
                 let light = self.exposure * (1.0 + self.fall_off * (x as f64 / width as f64 - 0.5));
                 pixels.push(self.camera.map(|row| {

@@ -1,6 +1,7 @@
-//! Lattices that regions stand on: from two neighbours of a region, step by step, then as one projective map.
+//! Lattices that regions stand on: from two neighbours of a region, step by step to those beside it, then ring by ring as one
+//! projective map.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::regions::{Reduced, Region};
 use crate::colour::Homography;
@@ -11,6 +12,12 @@ const STEP_TOLERANCE: f64 = 0.22;
 const TOLERANCE: f64 = 0.12;
 /// A lattice has at least so many nodes.
 const FEWEST_NODES: usize = 8;
+/// Nodes this far from the first, in rows and columns, are found step by step; those farther out by the map.
+const NEAR: i32 = 2;
+/// No chart has more rows or columns.
+const MOST_RINGS: usize = 40;
+/// Side of a bucket, pixels.
+const BUCKET: f64 = 16.0;
 /// Neighbours of a region that are tried as the next in its row or column.
 const NEIGHBOURS: usize = 8;
 
@@ -31,20 +38,23 @@ struct Node {
 /// The lattices with at least a third of `patches` nodes, the largest first.
 pub(super) fn lattices(regions: &[Region], patches: usize) -> Vec<Lattice> {
     let fewest = FEWEST_NODES.max(patches / 3);
+    let index = Index::new(regions);
     let mut lattices: Vec<Lattice> = Vec::new();
     let mut covered = vec![false; regions.len()];
     for seed in 0..regions.len() {
         if covered[seed] {
             continue;
         }
-        let best = steps(regions, seed)
-            .into_iter()
-            .map(|steps| grow(regions, seed, steps))
-            .max_by_key(BTreeMap::len)
-            .filter(|nodes| nodes.len() >= FEWEST_NODES);
-        let Some((lattice, used)) = best.and_then(|nodes| straighten(regions, &nodes)) else { continue };
-        used.iter().for_each(|region| covered[*region] = true);
+        let mut best = BTreeMap::new();
+        for steps in steps(&index, seed) {
+            let grown = grow(&index, seed, steps);
+            if grown.len() > best.len() {
+                best = grown;
+            }
+        }
+        let Some((lattice, used)) = straighten(&index, &best) else { continue };
         if lattice.nodes.len() >= fewest {
+            used.iter().for_each(|region| covered[*region] = true);
             lattices.push(lattice);
         }
     }
@@ -53,11 +63,12 @@ pub(super) fn lattices(regions: &[Region], patches: usize) -> Vec<Lattice> {
 }
 
 /// Pairs of steps from a region to near ones of about its size that may be the next in its row and in its column.
-fn steps(regions: &[Region], seed: usize) -> Vec<[[f64; 2]; 2]> {
-    let of = &regions[seed];
+fn steps(index: &Index, seed: usize) -> Vec<[[f64; 2]; 2]> {
+    let of = &index.regions[seed];
     let side = of.area.sqrt();
-    let mut near: Vec<(f64, [f64; 2])> = regions
-        .iter()
+    let mut near: Vec<(f64, [f64; 2])> = index
+        .within(of.centre, 2.6 * side)
+        .map(|other| &index.regions[other])
         .filter(|other| (0.45..2.2).contains(&(other.area / of.area)))
         .map(|other| [other.centre[0] - of.centre[0], other.centre[1] - of.centre[1]])
         .map(|step| (step[0].hypot(step[1]), step))
@@ -73,7 +84,7 @@ fn steps(regions: &[Region], seed: usize) -> Vec<[[f64; 2]; 2]> {
             // Rows run more to the right than down: each lattice once, the other turns are tried with the colours.
             if cross > 0.75 * upright
                 && dot.abs() < 0.65 * upright
-                && a[0] >= a[1].abs()
+                && a[0] > 0.5 * a_length
                 && *a_length < 1.8 * b_length
                 && *b_length < 1.8 * a_length
             {
@@ -84,18 +95,17 @@ fn steps(regions: &[Region], seed: usize) -> Vec<[[f64; 2]; 2]> {
     pairs
 }
 
-/// Follows the steps from region to region as far as they lead.
-fn grow(regions: &[Region], seed: usize, steps: [[f64; 2]; 2]) -> BTreeMap<[i32; 2], usize> {
+/// Follows the steps from region to region, at most [`NEAR`] nodes away from the first.
+fn grow(index: &Index, seed: usize, steps: [[f64; 2]; 2]) -> BTreeMap<[i32; 2], usize> {
+    let regions = index.regions;
     let mut nodes = BTreeMap::from([([0, 0], Node { region: seed, steps })]);
-    let mut used = vec![false; regions.len()];
-    used[seed] = true;
     let mut waiting = VecDeque::from([[0, 0]]);
     while let Some(place) = waiting.pop_front() {
         let Node { region, steps } = nodes[&place];
         for (axis, sign) in [(0, 1), (1, 1), (0, -1), (1, -1)] {
-            let mut next = place;
+            let mut next: [i32; 2] = place;
             next[axis] += sign;
-            if nodes.contains_key(&next) {
+            if next[axis].abs() > NEAR || nodes.contains_key(&next) {
                 continue;
             }
             let step = steps[axis].map(|value| value * f64::from(sign));
@@ -103,15 +113,12 @@ fn grow(regions: &[Region], seed: usize, steps: [[f64; 2]; 2]) -> BTreeMap<[i32;
             let target = [centre[0] + step[0], centre[1] + step[1]];
             let reach = STEP_TOLERANCE * step[0].hypot(step[1]);
             let areas = 0.4 * regions[region].area..2.5 * regions[region].area;
-            let Some(found) =
-                nearest(regions, target, reach, |index| !used[index] && areas.contains(&regions[index].area))
-            else {
-                continue;
-            };
+            let fits =
+                |found: usize| areas.contains(&regions[found].area) && nodes.values().all(|node| node.region != found);
+            let Some(found) = index.nearest(target, reach, fits) else { continue };
             let made = regions[found].centre;
             let mut steps = steps;
             steps[axis] = [0, 1].map(|k| f64::from(sign) * (made[k] - centre[k]));
-            used[found] = true;
             nodes.insert(next, Node { region: found, steps });
             waiting.push_back(next);
         }
@@ -119,38 +126,41 @@ fn grow(regions: &[Region], seed: usize, steps: [[f64; 2]; 2]) -> BTreeMap<[i32;
     nodes.into_iter().map(|(place, node)| (place, node.region)).collect()
 }
 
-/// Fits a projective map, drops what does not stand on it and takes in what does; with the regions used.
-fn straighten(regions: &[Region], grown: &BTreeMap<[i32; 2], usize>) -> Option<(Lattice, Vec<usize>)> {
+/// Fits a projective map to the nodes that have been found, and takes in those of the next ring that stand on it, until no more
+/// do; with the regions used. What does not stand on it is dropped on the way.
+fn straighten(index: &Index, grown: &BTreeMap<[i32; 2], usize>) -> Option<(Lattice, Vec<usize>)> {
     let mut nodes = grown.clone();
-    let mut map = fit(regions, &nodes)?;
-    for _ in 0..4 {
+    let mut map = fit(index.regions, &nodes)?;
+    for _ in 0..MOST_RINGS {
         let (low, high) = bounds(nodes.keys())?;
         let mut next = BTreeMap::new();
-        let mut used = vec![false; regions.len()];
-        for row in low[1] - 3..=high[1] + 3 {
-            for column in low[0] - 3..=high[0] + 3 {
+        let mut used = BTreeSet::new();
+        for row in low[1] - 1..=high[1] + 1 {
+            for column in low[0] - 1..=high[0] + 1 {
                 let here = map.apply([f64::from(column), f64::from(row)]);
                 let beside = map.apply([f64::from(column + 1), f64::from(row)]);
                 let below = map.apply([f64::from(column), f64::from(row + 1)]);
                 let step = |to: [f64; 2]| (to[0] - here[0]).hypot(to[1] - here[1]);
                 let (reach, cell) = (TOLERANCE * step(beside).min(step(below)), step(beside) * step(below));
                 // A patch fills a good part of its cell.
-                let fits = |index: usize| !used[index] && (0.15 * cell..1.1 * cell).contains(&regions[index].area);
-                if let Some(found) = nearest(regions, here, reach, fits) {
-                    used[found] = true;
+                let fits = |found: usize| {
+                    !used.contains(&found) && (0.15 * cell..1.1 * cell).contains(&index.regions[found].area)
+                };
+                if let Some(found) = index.nearest(here, reach, fits) {
+                    used.insert(found);
                     next.insert([column, row], found);
                 }
             }
         }
         let settled = next == nodes;
         nodes = next;
-        map = fit(regions, &nodes)?;
+        map = fit(index.regions, &nodes)?;
         if settled {
             break;
         }
     }
     let used = nodes.values().copied().collect();
-    let nodes = nodes.into_iter().map(|(place, region)| (place, regions[region].centre)).collect();
+    let nodes = nodes.into_iter().map(|(place, region)| (place, index.regions[region].centre)).collect();
     Some((Lattice { nodes, map }, used))
 }
 
@@ -162,11 +172,43 @@ fn fit(regions: &[Region], nodes: &BTreeMap<[i32; 2], usize>) -> Option<Homograp
     Homography::fit(&pairs)
 }
 
-fn nearest(regions: &[Region], [x, y]: [f64; 2], reach: f64, allowed: impl Fn(usize) -> bool) -> Option<usize> {
-    let distance = |region: &Region| (region.centre[0] - x).hypot(region.centre[1] - y);
-    let near = regions.iter().enumerate().map(|(index, region)| (index, distance(region)));
-    let near = near.filter(|(index, distance)| *distance < reach && allowed(*index));
-    near.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
+/// Regions by where they are, in buckets of [`BUCKET`] pixels.
+struct Index<'a> {
+    regions: &'a [Region],
+    buckets: BTreeMap<[i32; 2], Vec<usize>>,
+}
+
+impl<'a> Index<'a> {
+    fn new(regions: &'a [Region]) -> Self {
+        let mut buckets: BTreeMap<[i32; 2], Vec<usize>> = BTreeMap::new();
+        for (index, region) in regions.iter().enumerate() {
+            buckets.entry(region.centre.map(bucket)).or_default().push(index);
+        }
+        Self { regions, buckets }
+    }
+
+    /// The regions whose centres are near a point: all within `reach`, and some beyond.
+    fn within(&self, [x, y]: [f64; 2], reach: f64) -> impl Iterator<Item = usize> {
+        let columns = bucket(x - reach)..=bucket(x + reach);
+        let (top, bottom) = (bucket(y - reach), bucket(y + reach));
+        let places = columns.flat_map(move |column| (top..=bottom).map(move |row| [column, row]));
+        places.filter_map(|place| self.buckets.get(&place)).flatten().copied()
+    }
+
+    fn nearest(&self, [x, y]: [f64; 2], reach: f64, allowed: impl Fn(usize) -> bool) -> Option<usize> {
+        // Far outside of any picture there is nothing.
+        if !(x.abs() < 1e6 && y.abs() < 1e6 && reach < 1e4) {
+            return None;
+        }
+        let distance = |index: usize| (self.regions[index].centre[0] - x).hypot(self.regions[index].centre[1] - y);
+        let near = self.within([x, y], reach).map(|index| (distance(index), index));
+        let near = near.filter(|(distance, index)| *distance < reach && allowed(*index));
+        near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, index)| index)
+    }
+}
+
+fn bucket(value: f64) -> i32 {
+    (value / BUCKET).floor() as i32
 }
 
 fn bounds<'a>(places: impl Iterator<Item = &'a [i32; 2]>) -> Option<([i32; 2], [i32; 2])> {
