@@ -41,8 +41,8 @@ pub(crate) struct Arguments {
     illuminant: Illuminant,
     /// Where the chart lies, pixels: top left, top right, bottom right, bottom left, as its names can be read. For 24, sg and dc the outer
     /// corners of the corner patches, for a .cht file its fiducial marks. Without them the chart is searched for
-    #[arg(long, value_name = "X,Y,X,Y,X,Y,X,Y", value_delimiter = ',', num_args = 8, allow_negative_numbers = true)]
-    corners: Option<Vec<f64>>,
+    #[arg(long, value_name = "X,Y,X,Y,X,Y,X,Y", value_parser = corners, allow_hyphen_values = true)]
+    corners: Option<Corners>,
     /// How the camera's codes follow from light: linear, srgb, or a response file
     #[arg(long, value_name = "RESPONSE")]
     response: Option<String>,
@@ -73,7 +73,7 @@ const AFTER_HELP: &str = "\
 Examples:
   relumine calibrate colour chart.jpg --response srgb -o chart.toml --picture side.png
   relumine calibrate colour sg.png --response response.csv --chart sg --reference ColorCheckerSG.ti2 \\
-      --corners 304,173,1631,164,1634,1110,307,1113 -o chart.toml";
+      --corners 303,171,1630,163,1634,1110,306,1112 -o chart.toml";
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum ModelArgument {
@@ -96,7 +96,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let photograph = photograph(arguments)?;
     let about_photograph = |error: ColourError| about(&arguments.photograph, error);
     let (corners, found) = match &arguments.corners {
-        Some(corners) => ([0, 2, 4, 6].map(|k| [corners[k], corners[k + 1]]), false),
+        Some(Corners(corners)) => (*corners, false),
         None => {
             let found = chart.find(&photograph, &reference).map_err(about_photograph)?;
             talk.say(format!(
@@ -143,6 +143,19 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     }
     profile.write(&arguments.output)?;
     if arguments.json { report::print_json(&profile, &fitted, &fit) } else { report::print(&fitted, &fit) }
+}
+
+/// Where the chart lies: top left, top right, bottom right, bottom left, pixels.
+#[derive(Clone, Copy, Debug)]
+struct Corners([[f64; 2]; 4]);
+
+fn corners(text: &str) -> Result<Corners, String> {
+    let numbers: Option<Vec<f64>> =
+        text.split(',').map(|word| word.trim().parse().ok().filter(|number: &f64| number.is_finite())).collect();
+    match numbers.as_deref() {
+        Some([a, b, c, d, e, f, g, h]) => Ok(Corners([[*a, *b], [*c, *d], [*e, *f], [*g, *h]])),
+        _ => Err("expected four points, eight numbers with commas between them".into()),
+    }
 }
 
 fn chart(name: &str) -> Result<Chart, Failure> {

@@ -1,4 +1,4 @@
-//! `chart.toml`: a colour correction as a file (FORMAT.md §7), with what it was fitted from.
+//! `chart.toml`: a colour correction as a file (FORMAT.md, "Colour correction"), with what it was fitted from.
 
 use std::io::{self, Write};
 use std::path::Path;
