@@ -1,6 +1,7 @@
 //! `relumine calibrate`: what a camera and a projector do to light, measured once.
 
 mod response;
+mod colour;
 
 use clap::{Args, Subcommand};
 
@@ -17,10 +18,12 @@ pub(crate) struct Arguments {
 #[derive(Subcommand)]
 enum What {
     Response(response::Arguments),
+    Colour(colour::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     match &arguments.what {
         What::Response(arguments) => response::run(arguments, talk),
+        What::Colour(arguments) => colour::run(arguments, talk),
     }
 }

@@ -66,6 +66,7 @@ enum Verb {
     Inspect(inspect::Arguments),
     Calibrate(calibrate::Arguments),
     Pack(pack::Arguments),
+    Calibrate(calibrate::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -88,6 +89,7 @@ fn main() -> ExitCode {
         Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
         Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),
+        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -92,8 +92,8 @@ impl Developer {
         self.capture.setup().developing_bytes(tile_pixels)
     }
 
-    /// What the photographs of one pattern show more than the black frame: radiance, with the projector's black in it once less
-    /// (1 − b of what its white would show). `None` if a photograph is missing or damaged.
+    /// What the photographs of one pattern show more than the black frame: radiance, its colours corrected, with the projector's
+    /// black in it once less (1 − b of what its white would show). `None` if a photograph is missing or damaged.
     ///
     /// # Errors
     /// If a picture is whole but not what `capture.toml` promises.
@@ -108,6 +108,9 @@ impl Developer {
         let mut picture = shown.radiance;
         for (pixel, black) in picture.pixels_mut().iter_mut().zip(black.radiance.pixels()) {
             (0..3).for_each(|channel| pixel[channel] -= black[channel]);
+        }
+        if let Some(colour) = self.capture.setup().colour() {
+            colour.apply_to(&mut picture);
         }
         Ok(Some(picture))
     }

@@ -1,9 +1,15 @@
 //! The photographs of one position, developed: its squares told apart, and how well they explain the photographs.
+//!
+//! The camera's colours are corrected last, on the transfers. Telling squares apart relies on what holds of the camera's own
+//! channels and not of mixtures of them: they are never negative, and what one is clipped or noisy by is its own affair. The
+//! matrix is linear, so that it may come after the sum that makes a square; colours outside of Rec. 709 come out with negative
+//! channels, and stay so.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 use relumine_basis::Cell;
+use relumine_radiometry::colour::Correction;
 
 use crate::separation::{self, Combs, Method, Residual};
 use crate::{Loss, Scheme, Setup};
@@ -74,7 +80,7 @@ impl DevelopedPosition<'_> {
         }
     }
 
-    /// What the transfers of this position reach: no square is brighter than the brightest photograph, up to noise.
+    /// What the transfers of this position reach, up or down: no square is brighter than the brightest photograph, up to noise.
     pub fn transfer_bound(&self) -> f64 {
         let setup = self.setup;
         let m = setup.cells().squares();
@@ -89,7 +95,10 @@ impl DevelopedPosition<'_> {
             .chain(&self.white)
             .flat_map(|frame| frame.iter())
             .fold(0.0f32, |bound, value| bound.max(*value));
-        f64::from(brightest) * factor
+        let gain = setup.colour().and_then(Correction::matrix).map_or(1.0, |matrix| {
+            matrix.iter().map(|row| row.iter().map(|value| value.abs()).sum::<f64>()).fold(0.0, f64::max)
+        });
+        f64::from(brightest) * factor * gain
     }
 
     /// Noise of one photograph, radiance, root mean square over the picture: from the difference between the sum of the
@@ -144,6 +153,11 @@ impl DevelopedPosition<'_> {
                 for (piece, (squares, ..)) in pieces.zip(&strips) {
                     let separated = &squares[square * piece.len()..][..piece.len()];
                     piece.iter_mut().zip(separated).for_each(|(transfer, value)| *transfer = value * factor);
+                    if let Some(colour) = setup.colour() {
+                        piece.as_chunks_mut::<3>().0.iter_mut().for_each(|pixel| {
+                            *pixel = colour.apply(pixel.map(f64::from)).map(|value| value as f32);
+                        });
+                    }
                 }
             },
         );

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use relumine_basis::BasisError;
+use relumine_radiometry::colour::ColourError;
 use relumine_radiometry::files::FileError;
 use relumine_radiometry::{DescriptionError, ResponseError};
 
@@ -40,6 +41,9 @@ pub enum CaptureError {
     /// The response file.
     #[error(transparent)]
     Response(#[from] ResponseError),
+    /// The colour correction.
+    #[error(transparent)]
+    Colour(#[from] ColourError),
     /// A row of `photographs.csv` that cannot be.
     #[error("{}:{line}: {reason}", path.display())]
     Row {

@@ -1,9 +1,10 @@
 //! `capture.toml`: what was set up (FORMAT.md §1, contract version 1).
 
 use std::ops::RangeInclusive;
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
 use relumine_basis::{BasisError, Cell, Cells, Layout, Partition, Pattern, Position, Reach};
+use relumine_radiometry::colour::{ColourProfile, Correction};
 use relumine_radiometry::files::{MAX_PIXELS, Picture};
 use relumine_radiometry::{Linearization, Response, ResponseCurve, parse_toml, read_text};
 use serde::Deserialize;
@@ -30,6 +31,7 @@ pub struct Setup {
     height: usize,
     response: CameraResponse,
     response_name: String,
+    colour: Option<(String, Correction)>,
     black_level: u16,
     white_level: u16,
 }
@@ -82,6 +84,7 @@ struct CameraText {
     height: usize,
     #[serde(default = "linear")]
     response: String,
+    colour: Option<String>,
     #[serde(default)]
     black_level: u16,
     #[serde(default = "sixteen_bits")]
@@ -149,7 +152,7 @@ impl Setup {
         if let Scheme::Combs { spacing: 0 } = scheme {
             return Err(fail("patterns: spacing must be 1 or more, but is 0".into()));
         }
-        let CameraText { width, height, response: response_name, black_level, white_level } = text.camera;
+        let CameraText { width, height, response: response_name, colour, black_level, white_level } = text.camera;
         let side = 1..=Self::MAX_SIDE;
         if !side.contains(&width) || !side.contains(&height) || width * height > MAX_PIXELS {
             return Err(fail(format!(
@@ -169,6 +172,7 @@ impl Setup {
             title: text.title,
             square_flux: square_flux(text.projector.square_flux, squares).map_err(fail)?,
             response: read_response(path, &response_name)?,
+            colour: colour.map(|name| read_colour(path, name)).transpose()?,
             cells,
             scheme,
             intensity_w_sr,
@@ -208,6 +212,16 @@ impl Setup {
     /// The response as capture.toml spells it.
     pub fn response_name(&self) -> &str {
         &self.response_name
+    }
+
+    /// The camera's colour correction: a matrix, from its channels to linear Rec. 709. `None` leaves the channels as they are.
+    pub fn colour(&self) -> Option<&Correction> {
+        self.colour.as_ref().map(|(_, correction)| correction)
+    }
+
+    /// The correction's file as capture.toml names it.
+    pub fn colour_name(&self) -> Option<&str> {
+        self.colour.as_ref().map(|(name, _)| name.as_str())
     }
 
     /// Counts without light, and counts at which a pixel is clipped.
@@ -297,13 +311,34 @@ fn read_response(setup: &Path, name: &str) -> Result<CameraResponse, CaptureErro
         "linear" => CameraResponse::Known(Response::Linear),
         "srgb" => CameraResponse::Known(Response::Srgb),
         "recover" => CameraResponse::Recover,
-        file if !Path::new(file).components().all(|part| matches!(part, Component::Normal(_))) => {
-            let reason = format!("camera: a response file must lie inside the capture directory, found \"{file}\"");
-            return Err(CaptureError::Setup { path: setup.to_path_buf(), reason });
-        }
         file => {
-            let path = setup.parent().unwrap_or(Path::new("")).join(file);
+            let path = inside_the_capture(setup, "a response file", file)?;
             CameraResponse::Known(Response::Curve(ResponseCurve::parse(&path, &read_text(&path)?)?))
         }
     })
+}
+
+/// A root polynomial is refused: the field adds lights up, and it does not.
+fn read_colour(setup: &Path, name: String) -> Result<(String, Correction), CaptureError> {
+    let path = inside_the_capture(setup, "the colour correction", &name)?;
+    let correction = ColourProfile::read(&path)?.correction;
+    if correction.matrix().is_some() {
+        return Ok((name, correction));
+    }
+    let reason = format!(
+        "camera: colour = \"{name}\" is a {}, which is not linear in light: under two lights together the object would not be \
+         the sum of itself under each; fit a matrix (`relumine calibrate colour … --model matrix`)",
+        correction.model().name()
+    );
+    Err(CaptureError::Setup { path: setup.to_path_buf(), reason })
+}
+
+/// Where a file lies that the description names.
+fn inside_the_capture(setup: &Path, what: &str, name: &str) -> Result<PathBuf, CaptureError> {
+    let file = Path::new(name);
+    if file.components().next().is_none() || !file.components().all(|part| matches!(part, Component::Normal(_))) {
+        let reason = format!("camera: {what} must lie inside the capture directory, found \"{name}\"");
+        return Err(CaptureError::Setup { path: setup.to_path_buf(), reason });
+    }
+    Ok(setup.parent().unwrap_or(Path::new("")).join(file))
 }

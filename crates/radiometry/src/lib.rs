@@ -4,6 +4,7 @@
 //! Everything is scene-linear with Rec. 709 primaries unless its type says otherwise. This room does not know positions,
 //! squares or lamps and reads no camera RAW yet.
 
+pub mod colour;
 mod description;
 mod difference;
 mod display;

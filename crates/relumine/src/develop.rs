@@ -158,7 +158,11 @@ impl Development {
             "intensity_w_sr": setup.intensity_w_sr(),
             "response": setup.response_name(),
             "noise": "root mean square of one photograph, radiance, in each position's report",
-            "removed": "negative values; nothing else is cut off",
+            "colour": setup.colour_name(),
+            "removed": match setup.colour() {
+                None => "negative values; nothing else is cut off",
+                Some(_) => "negative values of the camera's channels, before their colours are corrected; nothing else is cut off",
+            },
         });
         let mut header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
         header.packing = options.encoding.packing();
@@ -343,7 +347,8 @@ fn halves(tile: &Tile, scale: f32) -> Vec<f16> {
     for (halves, transfer) in halves.chunks_exact_mut(3 * pixels).zip(tile.transfer.chunks_exact(3 * pixels)) {
         for (pixel, sample) in transfer.chunks_exact(3).enumerate() {
             for channel in 0..3 {
-                planar[channel * pixels + pixel] = (sample[channel] / scale).min(f16::MAX.to_f32());
+                planar[channel * pixels + pixel] =
+                    (sample[channel] / scale).clamp(f16::MIN.to_f32(), f16::MAX.to_f32());
             }
         }
         halves.convert_from_f32_slice(&planar);
@@ -351,11 +356,12 @@ fn halves(tile: &Tile, scale: f32) -> Vec<f16> {
     halves
 }
 
-/// Names the input of a development: description, table, response file and the options that change the result.
+/// Names the input of a development: description, table, response file, colour correction and the options that change the result.
 fn input_digest(capture: &Path, options: &DevelopOptions) -> Result<String, Error> {
     let mut hasher = Sha256::new();
     let setup = relumine_capture::Setup::read(&capture.join("capture.toml"))?;
-    for name in ["capture.toml", "photographs.csv", setup.response_name()] {
+    let names = ["capture.toml", "photographs.csv", setup.response_name()];
+    for name in names.into_iter().chain(setup.colour_name()) {
         let path = capture.join(name);
         match std::fs::read(&path) {
             Ok(bytes) => {

@@ -7,6 +7,7 @@ use relumine_field::FieldError;
 use relumine_incident::IncidentError;
 use relumine_lamp::LightError;
 use relumine_radiometry::DescriptionError;
+use relumine_radiometry::colour::ColourError;
 use relumine_radiometry::files::FileError;
 use relumine_relight::RelightError;
 use relumine_rig::RigError;
@@ -43,6 +44,9 @@ pub enum Error {
     /// A picture file.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A colour chart, its reference values, or a correction.
+    #[error(transparent)]
+    Colour(#[from] ColourError),
     /// Nothing of an input could be used.
     #[error("{}: nothing in it can be used; the first loss: {first}", path.display())]
     NothingUsable {
@@ -169,6 +173,7 @@ impl Error {
             Self::File(error) => !matches!(error, FileError::Write { .. }),
             Self::Scene(_)
             | Self::Light(_)
+            | Self::Colour(_)
             | Self::NothingUsable { .. }
             | Self::LampList { .. }
             | Self::ExposureList { .. }

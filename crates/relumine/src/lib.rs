@@ -50,7 +50,7 @@ pub use scene_field::SceneField;
 
 pub use relumine_basis as basis;
 pub use relumine_basis::{Cell, Cells, Coefficients};
-pub use relumine_capture::{Capture, ShownPattern, separation::Method as Separation};
+pub use relumine_capture::{Capture, CaptureError, ShownPattern, separation::Method as Separation};
 pub use relumine_field::ReflectanceField;
 pub use relumine_incident::{Options as ProjectionOptions, Projected, Reconstruction, project};
 pub use relumine_lamp::Light;

@@ -30,7 +30,7 @@ pub struct Rig {
     text: String,
     setup: Arc<Setup>,
     capture_toml: String,
-    response_file: Option<PathBuf>,
+    named_files: Vec<PathBuf>,
     white: bool,
     exposures: Vec<ExposureSettings>,
     object_radius_m: Option<f64>,
@@ -70,7 +70,7 @@ impl Rig {
         let capture_toml = read.capture_toml().map_err(|error| fail(error.to_string()))?;
         let setup = Setup::parse(path, &capture_toml)?;
         let hands = hands(&read).map_err(fail)?;
-        let named = read.camera.response.filter(|name| !["linear", "srgb", "recover"].contains(&name.as_str()));
+        let response = read.camera.response.filter(|name| !["linear", "srgb", "recover"].contains(&name.as_str()));
         let exposures = exposures(read.camera.exposures_s, read.camera.iso, read.camera.f_number).map_err(fail)?;
         if let Some(radius) = read.hemisphere.object_radius_m.filter(|radius| !(*radius > 0.0 && radius.is_finite())) {
             return Err(fail(format!("hemisphere: object_radius_m must be a number above 0, but is {radius}")));
@@ -100,7 +100,7 @@ impl Rig {
             path: path.to_path_buf(),
             text: text.into(),
             capture_toml,
-            response_file: named.map(PathBuf::from),
+            named_files: response.into_iter().chain(read.camera.colour).map(PathBuf::from).collect(),
             white: read.patterns.white,
             exposures,
             object_radius_m: read.hemisphere.object_radius_m,
@@ -133,9 +133,9 @@ impl Rig {
         &self.capture_toml
     }
 
-    /// The response file, relative to the description and to the capture.
-    pub fn response_file(&self) -> Option<&Path> {
-        self.response_file.as_deref()
+    /// The response file and the colour correction, as far as they are named, relative to the description and to the capture.
+    pub fn named_files(&self) -> &[PathBuf] {
+        &self.named_files
     }
 
     /// The description's text for another directory: the scene's path is made absolute.

@@ -91,7 +91,7 @@ fn fill(rig: &Rig, directory: &Path) -> Result<(), RigError> {
     write(Path::new("rig.toml"), rig.text_for_elsewhere()?.as_bytes())?;
     write(Path::new("capture.toml"), rig.capture_toml().as_bytes())?;
     write(Path::new("photographs.csv"), csv_header().as_bytes())?;
-    if let Some(name) = rig.response_file() {
+    for name in rig.named_files() {
         let path = rig.path().parent().unwrap_or(Path::new("")).join(name);
         write(name, &fs::read(&path).map_err(|source| RigError::Read { path, source })?)?;
     }
@@ -138,7 +138,9 @@ fn refuse_precious(directory: &Path) -> Result<(), RigError> {
         0 => {}
         listed => return refuse(format!("its photographs.csv lists {listed} photographs")),
     }
-    let ours = [PathBuf::from(PATTERNS), PathBuf::from(capture.setup().response_name())];
+    let setup = capture.setup();
+    let named = std::iter::once(setup.response_name()).chain(setup.colour_name());
+    let ours: Vec<PathBuf> = std::iter::once(PATTERNS).chain(named).map(PathBuf::from).collect();
     let first = first_file(directory, Path::new(""), &ours);
     match first.map_err(|source| RigError::Read { path: directory.to_path_buf(), source })? {
         Some(file) => refuse(format!("it has the file {}", file.display())),

@@ -74,6 +74,7 @@ pub(super) struct CameraText {
     width: usize,
     height: usize,
     pub(super) response: Option<String>,
+    pub(super) colour: Option<String>,
     black_level: Option<u16>,
     white_level: Option<u16>,
     #[serde(skip_serializing)]
