@@ -77,6 +77,11 @@ impl Developer {
         self.method
     }
 
+    /// The table from counts to relative exposure.
+    pub(crate) fn linearization(&self) -> &Linearization {
+        &self.linearization
+    }
+
     /// Bytes that one position needs in memory while it is developed, and `tile_pixels` of its squares are told apart.
     pub fn bytes_per_position(&self, tile_pixels: usize) -> usize {
         self.capture.setup().developing_bytes(tile_pixels)
@@ -209,7 +214,7 @@ impl Developer {
     }
 
     /// One photograph: `Ok(Err(reason))` if this file is lost, `Err` if it contradicts the set-up.
-    fn photograph(&self, row: &PhotographRow) -> Result<Result<Picture, String>, CaptureError> {
+    pub(crate) fn photograph(&self, row: &PhotographRow) -> Result<Result<Picture, String>, CaptureError> {
         let path = self.capture.directory().join(&row.file);
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
