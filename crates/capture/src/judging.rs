@@ -137,21 +137,3 @@ impl<'a> Judge<'a> {
         Orientations::of(detail, self.detail.size.0, self.detail.size.1)
     }
 }
-
-/// Judges a whole capture; `done` hears of each position.
-pub fn judge_capture(
-    developer: &Developer,
-    mut done: impl FnMut(&PositionJudgement),
-) -> (Vec<PositionJudgement>, Vec<Finding>) {
-    let judge = Judge::new(developer);
-    let positions = judge.capture().setup().cells().positions();
-    let judgements: Vec<PositionJudgement> = (0..positions)
-        .map(|position| {
-            let judgement = judge.position(position);
-            done(&judgement);
-            judgement
-        })
-        .collect();
-    let across = judge.across(&judgements);
-    (judgements, across)
-}

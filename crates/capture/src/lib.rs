@@ -20,7 +20,7 @@ pub use capture::{Capture, Remark};
 pub use develop::{Developer, Loss};
 pub use developed::{DevelopedPosition, Tile};
 pub use error::CaptureError;
-pub use judging::{Finding, FindingKind, Judge, PatternExposure, PositionJudgement, Severity, judge_capture};
+pub use judging::{Finding, FindingKind, Judge, PatternExposure, PositionJudgement, Severity};
 pub use pattern::{Scheme, ShownPattern};
 pub use photographs::{PhotographRow, Photographs, csv_fields, csv_header};
 pub use reference_patch::ReferencePatch;

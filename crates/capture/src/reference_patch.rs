@@ -10,8 +10,6 @@ use std::ops::RangeInclusive;
 
 use relumine_radiometry::{Image, Linearity};
 
-use crate::ShownPattern;
-
 /// An area of the picture, pixels; inside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReferencePatch {
@@ -45,55 +43,56 @@ impl ReferencePatch {
         Ok(Self { x, y, width, height })
     }
 
-    fn pixels<'a, Q: Linearity>(&self, picture: &'a Image<Q>) -> impl Iterator<Item = f64> + 'a {
-        let Self { x, y, width, height } = *self;
-        (y..y + height).flat_map(move |row| {
-            let start = row * picture.width() + x;
-            picture.pixels()[start..start + width]
-                .iter()
-                .map(|pixel| pixel.iter().map(|value| f64::from(*value)).sum::<f64>())
-        })
+    /// Sums of the channels over the patch, of a picture in rows of `width`.
+    fn sums<'a>(&self, pixels: &'a [[f32; 3]], width: usize) -> impl Iterator<Item = f64> + 'a {
+        self.pixels(width).map(move |pixel| pixels[pixel].iter().map(|value| f64::from(*value)).sum::<f64>())
+    }
+
+    /// Its pixels, counted row by row of a picture in rows of `width`.
+    pub(crate) fn pixels(&self, width: usize) -> impl Iterator<Item = usize> + use<> {
+        let patch = *self;
+        (patch.y..patch.y + patch.height)
+            .flat_map(move |row| (patch.x..patch.x + patch.width).map(move |x| row * width + x))
     }
 
     /// The mean of all channels over the patch.
     pub(crate) fn mean<Q: Linearity>(&self, picture: &Image<Q>) -> f64 {
-        self.pixels(picture).sum::<f64>() / (3 * self.width * self.height) as f64
+        self.sums(picture.pixels(), picture.width()).sum::<f64>() / (3 * self.width * self.height) as f64
     }
 
-    /// P/P_black, what the lamp shone relative to when it was photographed with `black`.
+    /// P/P_black, what the lamp shone relative to when it was photographed with `black`; NaN pixels of `shown` are left out.
     ///
     /// # Errors
     /// In words, if the patch is too dark or too noisy to tell, or gets light from the pattern.
-    pub(crate) fn lamp<Q: Linearity>(
-        &self,
-        pattern: ShownPattern,
-        shown: &Image<Q>,
-        black: &Image<Q>,
-    ) -> Result<f64, String> {
-        let (here, there) = (self.mean(shown), self.mean(black));
-        if !(there > 0.0 && here > 0.0) {
+    pub(crate) fn lamp<Q: Linearity>(&self, shown: &[[f32; 3]], black: &Image<Q>) -> Result<f64, String> {
+        let width = black.width();
+        let pairs: Vec<(f64, f64)> = self
+            .sums(shown, width)
+            .zip(self.sums(black.pixels(), width))
+            .filter(|(here, _)| here.is_finite())
+            .collect();
+        let (here, there) = pairs.iter().fold((0.0, 0.0), |(here, there), pair| (here + pair.0, there + pair.1));
+        if 2 * pairs.len() < self.width * self.height || here <= 0.0 || there <= 0.0 {
             return Err(
-                "the reference patch is as dark as no light under the black frame or this pattern: longer exposures \
-                        or a brighter patch are needed"
+                "the reference patch is as dark as no light, or clipped, under this pattern or under black: take \
+                        other exposures or another patch"
                     .into(),
             );
         }
         let lamp = here / there;
         if !Self::PLAUSIBLE.contains(&lamp) {
             return Err(format!(
-                "under {pattern} the reference patch is {lamp:.2} times as bright as under black: it must lie where no square \
-                 of the pattern lights it"
+                "the reference patch is {lamp:.2} times as bright as under black: it must lie where no square of the pattern \
+                 lights it"
             ));
         }
         // What is left between the two once they are scaled to each other is noise of both.
-        let count = (self.width * self.height) as f64;
-        let difference: f64 =
-            self.pixels(shown).zip(self.pixels(black)).map(|(here, there)| (here / lamp - there).powi(2)).sum();
-        let noise = (difference / count).sqrt() / count.sqrt() / (3.0 * there);
+        let difference: f64 = pairs.iter().map(|(here, there)| (here / lamp - there).powi(2)).sum();
+        let noise = difference.sqrt() / there;
         if noise > Self::NOISIEST {
             return Err(format!(
-                "the reference patch is too noisy: its mean is known to {:.1} % only, and {:.1} % are needed: a larger patch or \
-                 longer exposures",
+                "the reference patch is too noisy: its mean is known to {:.1} % only, and {:.1} % are needed: take a larger \
+                 patch or longer exposures",
                 100.0 * noise,
                 100.0 * Self::NOISIEST
             ));

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use relumine_capture::separation::Method;
-use relumine_capture::{Capture, Developer, Finding, FindingKind, judge_capture};
+use relumine_capture::{Capture, Developer, Finding, FindingKind, Judge, PositionJudgement};
 use relumine_radiometry::files::{self, Picture};
 use relumine_radiometry::{Counts, Image};
 
@@ -83,9 +83,12 @@ impl Copy {
 
 fn findings(capture: &Path) -> Vec<Finding> {
     let developer = Developer::new(Capture::open(capture).unwrap(), Method::default(), None).unwrap();
-    let (judgements, across) = judge_capture(&developer, |_| {});
+    let judge = Judge::new(&developer);
+    let positions = 0..judge.capture().setup().cells().positions();
+    let judgements: Vec<PositionJudgement> = positions.map(|position| judge.position(position)).collect();
+    let across = judge.across(&judgements);
     assert!(judgements.iter().all(|judgement| judgement.damaged.is_empty()));
-    let figure = |value: &dyn Fn(&relumine_capture::PositionJudgement) -> Option<f64>| {
+    let figure = |value: &dyn Fn(&PositionJudgement) -> Option<f64>| {
         let mut values: Vec<f64> = judgements.iter().filter_map(value).collect();
         values.sort_by(f64::total_cmp);
         (values[0], values[values.len() / 2], values[values.len() - 1])

@@ -37,7 +37,7 @@ mod queue;
 mod scene_field;
 
 pub use against::{TestLight, differences, differences_from_photographs, test_lights};
-pub use check::CaptureCheck;
+pub use check::{CaptureCheck, CaptureJudgement};
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
 pub use error::Error;
 pub use import::{Import, ImportOptions, LampList, LampPhotograph};
@@ -47,7 +47,9 @@ pub use scene_field::SceneField;
 
 pub use relumine_basis as basis;
 pub use relumine_basis::{Cell, Cells, Coefficients};
-pub use relumine_capture::{Capture, ShownPattern, separation::Method as Separation};
+pub use relumine_capture::{
+    Capture, Finding, FindingKind, PositionJudgement, Severity, ShownPattern, separation::Method as Separation,
+};
 pub use relumine_field::ReflectanceField;
 pub use relumine_incident::{Options as ProjectionOptions, Projected, Reconstruction, project};
 pub use relumine_lamp::Light;

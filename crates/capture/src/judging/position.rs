@@ -31,6 +31,8 @@ const BLANK: f64 = 0.1;
 const SHOWN: f64 = 0.05;
 /// A lamp that changes by more while the projector stands is worth a word.
 const DRIFT: f64 = 0.01;
+/// No lamp changes by more.
+const FARTHEST_DRIFT: f64 = 0.4;
 /// How often a drift must be its standard error.
 const SIGNIFICANT: f64 = 6.0;
 /// Pixels that the camera moved within a position, where the light is the same.
@@ -167,7 +169,8 @@ impl Room<'_> {
 
     /// Over- and under-exposed photographs.
     fn exposures(&mut self) {
-        let over: Vec<usize> = (0..self.frames.len()).filter(|index| self.frames[*index].over > CLIPPED).collect();
+        let is_over = |frame: &Frame| frame.over > CLIPPED && frame.losses.is_empty();
+        let over: Vec<usize> = (0..self.frames.len()).filter(|index| is_over(&self.frames[*index])).collect();
         let worst = over.iter().copied().max_by(|a, b| self.frames[*a].over.total_cmp(&self.frames[*b].over));
         if let Some(worst) = worst {
             let frame = &self.frames[worst];
@@ -185,13 +188,8 @@ impl Room<'_> {
             self.find_files(FindingKind::OverExposed, Severity::Warning, &over, files, figures, text);
         }
         let bright = |index: &usize| self.frames[*index].brightest;
-        let brightest = if self.frames[WHITE].is_read() {
-            Some(WHITE)
-        } else {
-            (0..self.frames.len())
-                .filter(|index| self.frames[*index].is_read())
-                .max_by(|a, b| bright(a).total_cmp(&bright(b)))
-        };
+        let read = (0..self.frames.len()).filter(|index| self.frames[*index].is_read());
+        let brightest = read.max_by(|a, b| bright(a).total_cmp(&bright(b)));
         if let Some(index) = brightest.filter(|index| bright(index) < FILLED) {
             let frame = &self.frames[index];
             let text = format!(
@@ -397,16 +395,16 @@ impl Room<'_> {
 
     /// Finds one cause of the remainder and takes it out; false if there is none.
     fn explain(&mut self, sums: &mut Sums, known: &mut [bool], equations: &Equations, remainder: &Remainder) -> bool {
-        if let Some((slope, _, explained)) = remainder.drift(&sums.times, sums.bins)
-            && explained >= EXPLAINED
-            && slope.abs() >= DRIFT
-        {
-            sums.take_drift_out(slope);
-            return true;
-        }
         let exchange = remainder.best_exchange(known);
         if let Some(exchange) = exchange.filter(|exchange| exchange.explained >= EXPLAINED) {
             self.swapped(sums, exchange.i, exchange.j, exchange.explained);
+            return true;
+        }
+        if let Some((slope, _, explained)) = remainder.drift(&sums.times, sums.bins)
+            && explained >= EXPLAINED
+            && (DRIFT..FARTHEST_DRIFT).contains(&slope.abs())
+        {
+            sums.take_drift_out(slope);
             return true;
         }
         if let Some((index, shown)) = self.blank(sums, known, equations, remainder) {
@@ -487,17 +485,9 @@ impl Room<'_> {
         if alike.contains(&BLACK) || alike.contains(&WHITE) {
             return self.black_or_white(sums, known, equations, &alike);
         }
-        // Frames of one table stand in the same equations. The one that is wrong is replaced by light, the others by less than none.
-        let negative = |index: &usize| {
-            let demanded = equations.demanded(*index, &sums.frames).unwrap_or_default();
-            demanded.iter().map(|value| f64::from(value.min(0.0)).powi(2)).sum::<f64>()
-        };
-        let negatives: Vec<f64> = alike.iter().map(negative).collect();
-        let Some(best) = (0..alike.len()).min_by(|a, b| negatives[*a].total_cmp(&negatives[*b])) else { return false };
-        let index = alike[best];
+        let index = self.the_wrong_one(sums, equations, remainder, &alike);
         let demanded = equations.demanded(index, &sums.frames).unwrap_or_default();
-        let shown = mean_of(&sums.frames[index]) - mean_of(&sums.frames[BLACK]);
-        let ratio = shown / mean_of(&demanded);
+        let ratio = mean_of(&sums.frames[index]) / (mean_of(&demanded) + mean_of(&sums.frames[BLACK]));
         let (scaled, _) = remainder.explained_by_scaling(index);
         let pattern = self.frames[index].pattern;
         let why = if scaled > EXPLAINED {
@@ -509,6 +499,31 @@ impl Room<'_> {
         self.find(FindingKind::Contradiction, Severity::Fault, &[index], (ratio, 1.0), text);
         known[index] = false;
         true
+    }
+
+    /// Frames of one table stand in the same equations. The one that is wrong shows a multiple of what it should, or is replaced by
+    /// light where the others are replaced by less than none, or else by light that fits beside its neighbours.
+    fn the_wrong_one(&self, sums: &Sums, equations: &Equations, remainder: &Remainder, alike: &[usize]) -> usize {
+        let least = |values: &[f64]| (0..values.len()).min_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0);
+        let unscaled: Vec<f64> = alike.iter().map(|index| 1.0 - remainder.explained_by_scaling(*index).0).collect();
+        if unscaled[least(&unscaled)] < 1.0 - EXPLAINED {
+            return alike[least(&unscaled)];
+        }
+        let demanded = |index: usize| equations.demanded(index, &sums.frames).unwrap_or_default();
+        let below_zero =
+            |index: usize| demanded(index).iter().map(|value| f64::from(value.min(0.0)).powi(2)).sum::<f64>();
+        let negative: Vec<f64> = alike.iter().map(|index| below_zero(*index)).collect();
+        let best = least(&negative);
+        if negative.iter().enumerate().all(|(other, value)| other == best || negative[best] < 0.5 * value) {
+            return alike[best];
+        }
+        let disorder = |index: usize| {
+            let mut frames = sums.above_black();
+            frames[index] = demanded(index);
+            Neighbours::new(self.scheme, self.squares, &frames, sums.width).disorder()
+        };
+        let disorders: Vec<f64> = alike.iter().map(|index| disorder(*index)).collect();
+        alike[least(&disorders)]
     }
 
     /// The black or the white frame contradicts all others.

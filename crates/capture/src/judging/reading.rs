@@ -19,8 +19,6 @@ const LEAST_SAMPLES: usize = 30;
 pub(super) struct Exposure {
     /// Relative to the capture.
     pub(super) file: PathBuf,
-    /// t.
-    pub(super) exposure: f64,
     /// Radiance as this photograph alone shows it, small; NaN where it is clipped.
     pub(super) small: Vec<f32>,
     /// Relative L1 difference from the next longer exposure, where both see something.
@@ -114,7 +112,7 @@ pub(super) fn read(
             let small = shown_alone(image, *exposure, camera, small);
             let unlike_next =
                 counts.get(index + 1).and_then(|(next, longer)| unlike((image, *exposure), (next, *longer), camera));
-            frame.exposures.push(Exposure { file: files[index].clone(), exposure: *exposure, small, unlike_next });
+            frame.exposures.push(Exposure { file: files[index].clone(), small, unlike_next });
         }
         frame.brightest = exceeded_by_one_percent(&counts[counts.len() - 1].0, camera);
         let stack: Vec<_> = counts.iter().map(|(image, exposure)| (image, *exposure)).collect();
@@ -123,7 +121,7 @@ pub(super) fn read(
         for (file, (image, exposure)) in files.iter().zip(&linear) {
             let mut alone = small.mean(image.pixels(), |_| true);
             alone.iter_mut().for_each(|value| *value /= *exposure as f32);
-            frame.exposures.push(Exposure { file: file.clone(), exposure: *exposure, small: alone, unlike_next: None });
+            frame.exposures.push(Exposure { file: file.clone(), small: alone, unlike_next: None });
         }
         // Floats do not say what their range is.
         frame.brightest = 1.0;
@@ -172,9 +170,14 @@ fn unlike(
             if seen.max(expected) < faint || clipped.1 {
                 continue;
             }
+            // What is clipped is at least so bright: that contradicts or says nothing.
+            let apart = if clipped.0 { 0.9 * expected - seen } else { (seen - expected).abs() };
+            if clipped.0 && apart <= 0.0 {
+                continue;
+            }
             samples += 1;
             light += f64::from(seen.max(expected));
-            difference += f64::from(if clipped.0 { (0.9 * expected - seen).max(0.0) } else { (seen - expected).abs() });
+            difference += f64::from(apart);
         }
     }
     (samples >= LEAST_SAMPLES).then(|| difference / light)
