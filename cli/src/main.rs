@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the input is damaged or incomplete.
 
+mod calibrate;
 mod capture;
 mod compare;
 mod demo;
@@ -60,6 +61,7 @@ enum Verb {
     Relight(relight::Arguments),
     Render(render::Arguments),
     Compare(compare::Arguments),
+    Calibrate(calibrate::Arguments),
     Inspect(inspect::Arguments),
     Pack(pack::Arguments),
 }
@@ -80,6 +82,7 @@ fn main() -> ExitCode {
         Verb::Relight(arguments) => relight::run(&arguments, &talk),
         Verb::Render(arguments) => render::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
+        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
         Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),
     };

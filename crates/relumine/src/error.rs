@@ -61,6 +61,14 @@ pub enum Error {
         /// What it has.
         found: String,
     },
+    /// Photographs of a card that do not measure a projector.
+    #[error("{}: {source}", path.display())]
+    Card {
+        /// The photograph, or the list of them.
+        path: PathBuf,
+        /// Why.
+        source: relumine_radiometry::projector::ProjectorError,
+    },
     /// A list of lamps that cannot be.
     #[error("{}: {reason}", path.display())]
     LampList {
@@ -110,6 +118,9 @@ impl Error {
             Self::Field(FieldError::Busy { .. }) => Some("wait for it to end, or choose another name"),
             Self::NotAlike { .. } => Some("hold it against what has the same cells and pictures of the same size"),
             Self::LampList { .. } => Some("correct the list"),
+            Self::Card { .. } => {
+                Some("FORMAT.md says how the card is photographed; --corners are those of the pattern on it")
+            }
             Self::NothingUsable { .. } => Some("check that the photographs lie where the list says"),
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {
                 Some("a mosaic belongs to the cells it was written for; write one with `relumine light … --for FIELD`")
@@ -143,7 +154,11 @@ impl Error {
                     | FieldError::Geometry { .. }
             ),
             Self::File(error) => !matches!(error, FileError::Write { .. }),
-            Self::Scene(_) | Self::Light(_) | Self::NothingUsable { .. } | Self::LampList { .. } => true,
+            Self::Scene(_)
+            | Self::Light(_)
+            | Self::NothingUsable { .. }
+            | Self::LampList { .. }
+            | Self::Card { .. } => true,
             Self::Incident(_)
             | Self::Relight(_)
             | Self::NotAlike { .. }

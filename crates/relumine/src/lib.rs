@@ -27,6 +27,7 @@
 //! ```
 
 mod against;
+mod card;
 mod check;
 mod develop;
 mod error;
@@ -37,6 +38,7 @@ mod queue;
 mod scene_field;
 
 pub use against::{TestLight, differences, differences_from_photographs, test_lights};
+pub use card::CardPhotographs;
 pub use check::{CaptureCheck, CaptureJudgement};
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
 pub use error::Error;
