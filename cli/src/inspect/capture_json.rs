@@ -1,4 +1,4 @@
-//! What there is to say of a capture, as JSON (FORMAT.md §8).
+//! What there is to say of a capture, as JSON (FORMAT.md §7).
 
 use std::path::Path;
 

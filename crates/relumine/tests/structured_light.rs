@@ -125,7 +125,7 @@ fn a_linear_camera_adds_up_and_the_minimum_tells_apart() {
 
 #[test]
 fn jpeg_photographs_of_a_figurine_tell_apart_raw_and_better_linearized() {
-    let Some(folder) = data("sl_two_toys/GrayCodes") else { return };
+    let Some(folder) = data("sl_two_toys/GrayCodes/view0") else { return };
     let mut names: Vec<PathBuf> =
         std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
     names.sort();

@@ -1,5 +1,6 @@
 //! The projector's response: how much light it gives for a grey level, from photographs of a ramp of levels.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::ProjectorError;
@@ -14,7 +15,7 @@ pub struct RampEntry {
 }
 
 impl RampEntry {
-    /// Lines longer than this are refused.
+    /// Longer lists are refused.
     const MOST_LEVELS: usize = 65_536;
 
     /// Reads a list with a line `file level` for each photograph; the last word of a line is the level, `#` begins a comment.
@@ -25,6 +26,7 @@ impl RampEntry {
         let fail =
             |line: usize, reason: String| ProjectorError::List { path: path.display().to_string(), line, reason };
         let mut entries: Vec<Self> = Vec::new();
+        let mut levels = BTreeSet::new();
         for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
             let said = line.split('#').next().unwrap_or_default().trim();
             if said.is_empty() {
@@ -33,7 +35,8 @@ impl RampEntry {
             let wrong = || fail(index + 1, format!("expected a photograph and its level, found \"{said}\""));
             let (file, level) = said.rsplit_once(char::is_whitespace).ok_or_else(wrong)?;
             let level = level.parse::<f64>().ok().filter(|level| (0.0..=1e9).contains(level)).ok_or_else(wrong)?;
-            if entries.iter().any(|entry| entry.level == level) {
+            // Minus zero is zero.
+            if !levels.insert((level + 0.0).to_bits()) {
                 return Err(fail(index + 1, format!("level {level} comes twice")));
             }
             if entries.len() == Self::MOST_LEVELS {
