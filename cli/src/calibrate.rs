@@ -1,7 +1,8 @@
 //! `relumine calibrate`: what a camera and a projector do to light, measured once.
 
-mod response;
 mod colour;
+mod projector;
+mod response;
 
 use clap::{Args, Subcommand};
 
@@ -19,11 +20,13 @@ pub(crate) struct Arguments {
 enum What {
     Response(response::Arguments),
     Colour(colour::Arguments),
+    Projector(projector::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     match &arguments.what {
         What::Response(arguments) => response::run(arguments, talk),
         What::Colour(arguments) => colour::run(arguments, talk),
+        What::Projector(arguments) => projector::run(arguments, talk),
     }
 }

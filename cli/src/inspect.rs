@@ -2,6 +2,7 @@
 
 mod against;
 mod capture;
+mod capture_json;
 mod field;
 mod picture;
 mod scene;
@@ -19,6 +20,10 @@ use crate::projection::ProjectionArguments;
 ///
 /// PATH is a capture, a field (finished or not), the description of a light, a rig or a scene, a model, a list of lamps or a
 /// picture. Checksums are verified; the exit code is 3 if anything is damaged or missing.
+///
+/// A capture is judged photograph by photograph: what is over- or under-exposed, a black frame that is too bright, photographs
+/// that stand in each other's place, a pattern that was not shown, a camera that moved, a lamp that drifted. Each finding names
+/// its photographs. Faults, after which a field would be wrong, make the exit code 3; warnings do not.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// What to look at
@@ -30,6 +35,12 @@ pub(crate) struct Arguments {
     /// With --against: a further light to compare under; may be given several times
     #[arg(long = "light", value_name = "LIGHT", requires = "against")]
     lights: Vec<PathBuf>,
+    /// Print JSON (of a capture; FORMAT.md describes it)
+    #[arg(long, conflicts_with = "against")]
+    json: bool,
+    /// Of a capture: verify checksums only, without decoding and judging its photographs
+    #[arg(long, conflicts_with = "against")]
+    checksums_only: bool,
     #[command(flatten)]
     projection: ProjectionArguments,
 }
@@ -46,14 +57,20 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         }
         return against::another_field(path, reference, &arguments.lights, &arguments.projection, talk);
     }
-    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     if !path.exists() {
         return Err(Failure::failed(format!("{} is not there", path.display())));
     }
+    if let Some(capture) = capture_of(path) {
+        let look = capture::Look { json: arguments.json, checksums_only: arguments.checksums_only };
+        return capture::inspect(capture, look, talk);
+    }
+    if arguments.json || arguments.checksums_only {
+        let path = path.display();
+        return Err(Failure::usage(format!("{path}: --json and --checksums-only are for captures, and this is none")));
+    }
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
     if path.is_dir() {
-        return if is_capture(path) {
-            capture::inspect(path)
-        } else if path.join("zarr.json").exists() {
+        return if path.join("zarr.json").exists() {
             field::inspect(path)
         } else if path.join("journal").exists() {
             field::inspect_unfinished(path)
@@ -63,9 +80,6 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         };
     }
     match extension.as_deref() {
-        Some("toml") if path.file_name().is_some_and(|name| name == "capture.toml") => {
-            capture::inspect(path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")))
-        }
         Some("toml") => match scene::format_of(path)?.as_str() {
             "relumine-scene" => scene::inspect(path),
             "relumine-rig" => scene::inspect_rig(path),
@@ -75,4 +89,13 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         Some("lp" | "csv") => picture::inspect_lamps(path),
         _ => picture::inspect(path),
     }
+}
+
+/// The capture that is meant by a path: the directory, or its capture.toml.
+fn capture_of(path: &Path) -> Option<&Path> {
+    if path.is_dir() {
+        return is_capture(path).then_some(path);
+    }
+    let named = path.file_name().is_some_and(|name| name == "capture.toml") && path.exists();
+    named.then(|| path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new(".")))
 }

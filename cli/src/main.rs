@@ -63,10 +63,9 @@ enum Verb {
     Render(render::Arguments),
     Merge(merge::Arguments),
     Compare(compare::Arguments),
+    Calibrate(calibrate::Arguments),
     Inspect(inspect::Arguments),
-    Calibrate(calibrate::Arguments),
     Pack(pack::Arguments),
-    Calibrate(calibrate::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -86,10 +85,9 @@ fn main() -> ExitCode {
         Verb::Render(arguments) => render::run(&arguments, &talk),
         Verb::Merge(arguments) => merge::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
+        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
         Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
-        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),
-        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

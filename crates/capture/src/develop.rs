@@ -14,7 +14,10 @@ use sha2::{Digest, Sha256};
 
 use crate::separation::Method;
 use crate::setup::CameraResponse;
-use crate::{Capture, CaptureError, DevelopedPosition, PhotographRow, Scheme, Setup, ShownPattern, recover_response};
+use crate::{
+    Capture, CaptureError, DevelopedPosition, PhotographRow, ReferencePatch, Scheme, Setup, ShownPattern,
+    recover_response,
+};
 
 /// Develops the positions of a capture, one at a time and in any order.
 pub struct Developer {
@@ -87,6 +90,11 @@ impl Developer {
         self.method
     }
 
+    /// The table from counts to relative exposure.
+    pub(crate) fn linearization(&self) -> &Linearization {
+        &self.linearization
+    }
+
     /// Bytes that one position needs in memory while it is developed, and `tile_pixels` of its squares are told apart.
     pub fn bytes_per_position(&self, tile_pixels: usize) -> usize {
         self.capture.setup().developing_bytes(tile_pixels)
@@ -106,6 +114,10 @@ impl Developer {
             return Ok(None);
         };
         let mut picture = shown.radiance;
+        if let Some(patch) = self.capture.setup().reference_patch() {
+            let lamp = self.lamp(position, pattern, patch, picture.pixels().as_flattened(), &black)?;
+            picture.pixels_mut().as_flattened_mut().iter_mut().for_each(|value| *value /= lamp as f32);
+        }
         for (pixel, black) in picture.pixels_mut().iter_mut().zip(black.radiance.pixels()) {
             (0..3).for_each(|channel| pixel[channel] -= black[channel]);
         }
@@ -151,6 +163,10 @@ impl Developer {
             return Ok(Err(losses));
         }
         let mut white = self.white(position, &mut losses)?;
+        let lamp = match setup.reference_patch() {
+            Some(patch) => Some(self.take_drift_out(position, patch, &black, &mut frames, white.as_mut())?),
+            None => None,
+        };
         let black = black.radiance.into_pixels().into_flattened();
         let black_level = match self.black_level {
             Some(black_level) => Some(black_level),
@@ -161,7 +177,57 @@ impl Developer {
             frame.iter_mut().zip(&black).for_each(|(value, black)| *value = (*value - black) * scale);
         });
         let method = self.method;
-        Ok(Ok(DevelopedPosition { setup, method, position, frames, white, black_level, clipped, losses }))
+        Ok(Ok(DevelopedPosition { setup, method, position, frames, white, black_level, lamp, clipped, losses }))
+    }
+
+    /// Divides the frames of a position by what the lamp shone over what it shone for the black frame, as the reference patch says;
+    /// comes back with the least and the most of that.
+    fn take_drift_out(
+        &self,
+        position: usize,
+        patch: ReferencePatch,
+        black: &Merged,
+        frames: &mut [Option<Vec<f32>>],
+        white: Option<&mut Vec<f32>>,
+    ) -> Result<(f64, f64), CaptureError> {
+        let setup = self.capture.setup();
+        let patterns = setup.scheme().lighting(setup.cells().squares());
+        let named =
+            patterns.into_iter().zip(frames.iter_mut()).filter_map(|(pattern, frame)| Some((pattern, frame.as_mut()?)));
+        let named = named.chain(white.map(|white| (ShownPattern::White, white)));
+        let (mut least, mut most) = (1.0f64, 1.0f64);
+        for (pattern, frame) in named {
+            let lamp = self.lamp(position, pattern, patch, frame, black)?;
+            (least, most) = (least.min(lamp), most.max(lamp));
+            frame.iter_mut().for_each(|value| *value /= lamp as f32);
+        }
+        Ok((least, most))
+    }
+
+    /// What the lamp shone under a pattern over what it shone under black.
+    fn lamp(
+        &self,
+        position: usize,
+        pattern: ShownPattern,
+        patch: ReferencePatch,
+        shown: &[f32],
+        black: &Merged,
+    ) -> Result<f64, CaptureError> {
+        let width = black.radiance.width();
+        let lamp = if patch.pixels(width).any(|pixel| black.visibility[pixel] == Visibility::Clipped) {
+            Err("the reference patch is clipped in every exposure of black: take a shorter one, or another patch"
+                .into())
+        } else {
+            patch.lamp(shown.as_chunks().0, &black.radiance)
+        };
+        lamp.map_err(|reason| {
+            let file =
+                self.capture.exposures(position, pattern).first().map(|row| row.file.clone()).unwrap_or_default();
+            CaptureError::Photograph {
+                path: self.capture.directory().join(file),
+                reason: format!("{pattern}: {reason}"),
+            }
+        })
     }
 
     /// The white frame, NaN where no exposure saw it; not having one loses nothing.
@@ -222,6 +288,11 @@ impl Developer {
     }
 
     /// One photograph: `Ok(Err(reason))` if this file is lost, `Err` if it contradicts the set-up.
+    pub(crate) fn photograph(&self, row: &PhotographRow) -> Result<Result<Picture, String>, CaptureError> {
+        Self::read(&self.capture, row)
+    }
+
+    /// A photograph of a capture, as [`Developer::photograph`].
     pub(crate) fn read(capture: &Capture, row: &PhotographRow) -> Result<Result<Picture, String>, CaptureError> {
         let path = capture.directory().join(&row.file);
         let bytes = match fs::read(&path) {

@@ -27,6 +27,7 @@ pub struct DevelopedPosition<'a> {
     /// The white frame likewise; NaN where every exposure is clipped.
     pub(crate) white: Option<Vec<f32>>,
     pub(crate) black_level: Option<f64>,
+    pub(crate) lamp: Option<(f64, f64)>,
     pub(crate) clipped: Vec<u8>,
     pub(crate) losses: Vec<Loss>,
 }
@@ -55,6 +56,12 @@ impl DevelopedPosition<'_> {
     /// 1 − b.
     pub fn black_level(&self) -> Option<f64> {
         self.black_level
+    }
+
+    /// The least and the most that the lamp shone over what it shone for the black frame, as the reference patch says: taken out. `None`
+    /// without a reference patch.
+    pub fn lamp(&self) -> Option<(f64, f64)> {
+        self.lamp
     }
 
     /// For each pixel, in how many photographs every exposure was clipped: there the transfer is a lower bound.

@@ -9,7 +9,7 @@ use relumine_radiometry::files::{MAX_PIXELS, Picture};
 use relumine_radiometry::{Linearization, Response, ResponseCurve, parse_toml, read_text};
 use serde::Deserialize;
 
-use crate::{CaptureError, Scheme};
+use crate::{CaptureError, ReferencePatch, Scheme};
 
 /// The response that capture.toml names.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +34,7 @@ pub struct Setup {
     colour: Option<(String, Correction)>,
     black_level: u16,
     white_level: u16,
+    reference_patch: Option<ReferencePatch>,
 }
 
 #[derive(Deserialize)]
@@ -89,6 +90,7 @@ struct CameraText {
     black_level: u16,
     #[serde(default = "sixteen_bits")]
     white_level: u16,
+    reference_patch: Option<[usize; 4]>,
 }
 
 fn linear() -> String {
@@ -152,7 +154,8 @@ impl Setup {
         if let Scheme::Combs { spacing: 0 } = scheme {
             return Err(fail("patterns: spacing must be 1 or more, but is 0".into()));
         }
-        let CameraText { width, height, response: response_name, colour, black_level, white_level } = text.camera;
+        let CameraText { width, height, response: response_name, colour, black_level, white_level, reference_patch } =
+            text.camera;
         let side = 1..=Self::MAX_SIDE;
         if !side.contains(&width) || !side.contains(&height) || width * height > MAX_PIXELS {
             return Err(fail(format!(
@@ -164,6 +167,8 @@ impl Setup {
         if black_level >= white_level {
             return Err(fail(format!("camera: black_level {black_level} must be below white_level {white_level}")));
         }
+        let reference_patch =
+            reference_patch.map(|patch| ReferencePatch::new(patch, (width, height))).transpose().map_err(fail)?;
         let intensity_w_sr = text.projector.intensity_w_sr;
         if !FLUX_RANGE.contains(&intensity_w_sr) {
             return Err(fail(format!("projector: intensity_w_sr must be 1e-12 to 1e12, but is {intensity_w_sr}")));
@@ -181,6 +186,7 @@ impl Setup {
             response_name,
             black_level,
             white_level,
+            reference_patch,
         })
     }
 
@@ -227,6 +233,11 @@ impl Setup {
     /// Counts without light, and counts at which a pixel is clipped.
     pub fn levels(&self) -> (u16, u16) {
         (self.black_level, self.white_level)
+    }
+
+    /// The area of the picture by which the lamp's drift is taken out, if there is one.
+    pub fn reference_patch(&self) -> Option<ReferencePatch> {
+        self.reference_patch
     }
 
     /// Radiant intensity of the projector on its axis at full white, W·sr⁻¹.

@@ -30,6 +30,7 @@ height = 128
 response = "srgb"
 black_level = 12
 white_level = 65535
+reference_patch = [180, 4, 10, 20]
 "#,
     r#"format = "relumine-capture/1"
 [hemisphere]

@@ -12,6 +12,7 @@ mod exposure;
 pub mod files;
 mod image;
 mod merge;
+pub mod projector;
 mod response;
 
 pub use description::{DescriptionError, nearest, parse_toml, read_bounded, read_text};

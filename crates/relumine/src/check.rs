@@ -1,12 +1,15 @@
-//! Whether the photographs of a capture are all there and unchanged.
+//! Whether the photographs of a capture are all there and unchanged, and what they show.
 
 use std::fs;
 
 use rayon::prelude::*;
-use relumine_capture::{Capture, PhotographRow, ShownPattern};
+use relumine_capture::separation::Method;
+use relumine_capture::{Capture, Developer, Finding, Judge, PhotographRow, PositionJudgement, ShownPattern};
 use sha2::{Digest, Sha256};
 
-/// What is wrong with the photographs of a capture. Pictures are not decoded: `develop` does that.
+use crate::Error;
+
+/// Whether the photographs of a capture are there, unchanged and readable.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct CaptureCheck {
     /// Photographs that the scheme needs and the table does not list.
@@ -20,19 +23,58 @@ pub struct CaptureCheck {
 }
 
 impl CaptureCheck {
-    /// Reads every photograph of `capture` and holds it against its checksum.
+    /// Reads every photograph of `capture` and holds it against its checksum; pictures are not decoded.
     pub fn of(capture: &Capture) -> Self {
         let rows: Vec<&PhotographRow> = capture.photographs().rows.values().flatten().collect();
         let checked: Vec<Option<String>> = rows.par_iter().map(|row| wrong_with(capture, row)).collect();
-        let positions = capture.setup().cells().positions();
         Self {
-            missing: (0..positions)
-                .flat_map(|position| capture.missing(position).into_iter().map(move |pattern| (position, pattern)))
-                .collect(),
+            missing: missing(capture),
             verified: rows.iter().zip(&checked).filter(|(row, wrong)| row.sha256.is_some() && wrong.is_none()).count(),
             unlisted: rows.iter().filter(|row| row.sha256.is_none()).count(),
             damaged: checked.into_iter().flatten().collect(),
         }
+    }
+}
+
+fn missing(capture: &Capture) -> Vec<(usize, ShownPattern)> {
+    let at = |position: usize| capture.missing(position).into_iter().map(move |pattern| (position, pattern));
+    (0..capture.setup().cells().positions()).flat_map(at).collect()
+}
+
+/// A capture judged photograph by photograph.
+#[derive(Clone, Debug)]
+pub struct CaptureJudgement {
+    /// Whether its photographs are there, unchanged and readable.
+    pub check: CaptureCheck,
+    /// Each position, in their order.
+    pub positions: Vec<PositionJudgement>,
+    /// All that was found, by position.
+    pub findings: Vec<Finding>,
+}
+
+impl CaptureJudgement {
+    /// Reads and judges every photograph of `capture`, position by position; `done` hears of each.
+    ///
+    /// # Errors
+    /// If the camera's response is not known, so that photographs cannot be added up.
+    pub fn of(capture: Capture, mut done: impl FnMut()) -> Result<Self, Error> {
+        let developer = Developer::new(capture, Method::default(), None)?;
+        let (capture, judge) = (developer.capture(), Judge::new(&developer));
+        let mut positions = Vec::new();
+        for position in 0..capture.setup().cells().positions() {
+            positions.push(judge.position(position));
+            done();
+        }
+        let own = positions.iter().flat_map(|judgement| judgement.findings.clone());
+        let mut findings: Vec<Finding> = own.chain(judge.across(&positions)).collect();
+        findings.sort_by_key(|finding| finding.position);
+        let check = CaptureCheck {
+            missing: missing(capture),
+            damaged: positions.iter().flat_map(|judgement| &judgement.damaged).map(ToString::to_string).collect(),
+            verified: positions.iter().map(|judgement| judgement.verified).sum(),
+            unlisted: positions.iter().map(|judgement| judgement.unlisted).sum(),
+        };
+        Ok(Self { check, positions, findings })
     }
 }
 

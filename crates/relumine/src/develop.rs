@@ -59,6 +59,9 @@ pub struct DevelopedReport {
     pub residual_white: Option<f64>,
     /// Noise of one photograph, radiance, root mean square.
     pub noise: Option<f64>,
+    /// The least and the most that the lamp shone over what it shone for the black frame, as the reference patch says; taken out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lamp: Option<(f64, f64)>,
     /// Pixels that were clipped in every exposure of some photograph: their transfers are lower bounds.
     pub clipped_pixels: usize,
     /// Photographs that could not be used, and why.
@@ -296,6 +299,7 @@ impl Development {
             residual_combs_of_minimum: residual_of_minimum.combs(),
             residual_white: residual.white(),
             noise: developed.noise(),
+            lamp: developed.lamp(),
             clipped_pixels: developed.clipped().iter().filter(|count| **count > 0).count(),
             losses: developed.losses().iter().map(Loss::to_string).collect(),
         };

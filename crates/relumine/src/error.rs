@@ -65,6 +65,14 @@ pub enum Error {
         /// What it has.
         found: String,
     },
+    /// Photographs of a card that do not measure a projector.
+    #[error("{}: {source}", path.display())]
+    Card {
+        /// The photograph, or the list of them.
+        path: PathBuf,
+        /// Why.
+        source: relumine_radiometry::projector::ProjectorError,
+    },
     /// A list of lamps that cannot be.
     #[error("{}: {reason}", path.display())]
     LampList {
@@ -138,6 +146,9 @@ impl Error {
             Self::File(FileError::NoExposure { .. }) => {
                 Some("write `name seconds` of each photograph into a file, a line each, and give it with --list")
             }
+            Self::Card { .. } => {
+                Some("FORMAT.md says how the card is photographed; --corners are those of the pattern on it")
+            }
             Self::NothingUsable { .. } => Some("check that the photographs lie where the list says"),
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {
                 Some("a mosaic belongs to the cells it was written for; write one with `relumine light … --for FIELD`")
@@ -177,7 +188,8 @@ impl Error {
             | Self::NothingUsable { .. }
             | Self::LampList { .. }
             | Self::ExposureList { .. }
-            | Self::Bracket { .. } => true,
+            | Self::Bracket { .. }
+            | Self::Card { .. } => true,
             Self::Incident(_)
             | Self::Relight(_)
             | Self::NotAlike { .. }

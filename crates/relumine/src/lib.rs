@@ -28,6 +28,7 @@
 
 mod against;
 mod bracket;
+mod card;
 mod check;
 mod develop;
 mod error;
@@ -40,7 +41,8 @@ mod scene_field;
 
 pub use against::{TestLight, differences, differences_from_photographs, test_lights};
 pub use bracket::{Bracket, BracketPhotograph, BracketResponse, ExposureList, Levels, MergedBracket};
-pub use check::CaptureCheck;
+pub use card::CardPhotographs;
+pub use check::{CaptureCheck, CaptureJudgement};
 pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome};
 pub use error::Error;
 pub use import::{Import, ImportOptions, LampList, LampPhotograph};
@@ -50,7 +52,10 @@ pub use scene_field::SceneField;
 
 pub use relumine_basis as basis;
 pub use relumine_basis::{Cell, Cells, Coefficients};
-pub use relumine_capture::{Capture, CaptureError, ShownPattern, separation::Method as Separation};
+pub use relumine_capture::{
+    Capture, CaptureError, Finding, FindingKind, PositionJudgement, Severity, ShownPattern,
+    separation::Method as Separation,
+};
 pub use relumine_field::ReflectanceField;
 pub use relumine_incident::{Options as ProjectionOptions, Projected, Reconstruction, project};
 pub use relumine_lamp::Light;

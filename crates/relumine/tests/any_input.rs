@@ -1,9 +1,10 @@
-//! Any text gives a list of lamps that can be used, or an error that names the list: never a panic.
+//! Any text gives a list of lamps or of grey levels that can be used, or an error that names the list: never a panic.
 
 use std::path::Path;
 
 use proptest::prelude::*;
 use relumine::basis::{Layout, Partition};
+use relumine::radiometry::projector::RampEntry;
 use relumine::{Error, ExposureList, LampList};
 
 #[path = "../../../fuzz/spoil.rs"]
@@ -63,6 +64,9 @@ fn try_diligent(text: &str) -> Result<(), String> {
     try_list(LampList::parse_diligent(Path::new("dome"), directions, names, files.next()))
 }
 
+const RAMP: [&str; 2] =
+    ["# levels\nblack.png 0\nhalf way.png 127.5 # by hand\nwhite.png\t255\n", "a.png 1\r\nb.png 2\r\n"];
+
 proptest! {
     #![proptest_config(seeded(400))]
 
@@ -100,6 +104,14 @@ proptest! {
                 let error = error.to_string();
                 prop_assert!(error.starts_with("set/list.txt:"), "{error}");
             }
+        }
+    }
+
+    #[test]
+    fn a_spoiled_list_of_levels_is_used_or_refused(text in spoiled_text(&RAMP)) {
+        match RampEntry::parse_list(Path::new("ramp.txt"), &text) {
+            Ok(entries) => prop_assert!(entries.len() >= 2 && entries.is_sorted_by(|a, b| a.level < b.level)),
+            Err(error) => prop_assert!(error.to_string().starts_with("ramp.txt:"), "{error}"),
         }
     }
 

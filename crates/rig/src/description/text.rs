@@ -77,6 +77,7 @@ pub(super) struct CameraText {
     pub(super) colour: Option<String>,
     black_level: Option<u16>,
     white_level: Option<u16>,
+    reference_patch: Option<[usize; 4]>,
     #[serde(skip_serializing)]
     pub(super) exposures_s: Vec<f64>,
     #[serde(skip_serializing)]
