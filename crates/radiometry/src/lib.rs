@@ -11,6 +11,7 @@ mod exposure;
 pub mod files;
 mod image;
 mod merge;
+mod noise;
 mod response;
 
 pub use description::{DescriptionError, nearest, parse_toml, read_bounded, read_text};
@@ -22,6 +23,7 @@ pub use merge::{
     ExposureRatio, Merged, NoiseModel, RefinedExposures, Visibility, merge_counts, merge_counts_plain, merge_linear,
     refine_exposures,
 };
+pub use noise::{NoiseCurve, NoiseSamples};
 pub use response::{
     ChannelFit, Linearization, RecoveredResponse, RecoveryError, Response, ResponseCurve, ResponseError,
     recover_response,
