@@ -153,6 +153,10 @@ impl Development {
             "from": "capture",
             "separation": if setup.scheme() == Scheme::Squares { "none" } else { options.separation.name() },
             "scheme": setup.scheme().name(),
+            "spacing": match setup.scheme() {
+                Scheme::Combs { spacing } => Some(spacing.min(setup.cells().squares())),
+                Scheme::Squares => None,
+            },
             "photographs": developer.capture().photographs().len(),
             "input_sha256": input,
             "intensity_w_sr": setup.intensity_w_sr(),

@@ -51,6 +51,14 @@ pub enum Error {
         /// Why the first part of it could not be used.
         first: String,
     },
+    /// A field without what a standard error comes from.
+    #[error("{}: the field does not say what it is uncertain by: {reason}", path.display())]
+    NoNoise {
+        /// The field.
+        path: PathBuf,
+        /// Why it does not.
+        reason: String,
+    },
     /// Fields, or a field and a capture, that do not belong together.
     #[error("{}: {found}, but {expected} is what it is held against", path.display())]
     NotAlike {
@@ -134,6 +142,9 @@ impl Error {
             Self::File(FileError::NoExposure { .. }) => {
                 Some("write `name seconds` of each photograph into a file, a line each, and give it with --list")
             }
+            Self::NoNoise { .. } => Some(
+                "a standard error needs a field developed by `relumine develop`, fitted or of single squares, not packed",
+            ),
             Self::NothingUsable { .. } => Some("check that the photographs lie where the list says"),
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {
                 Some("a mosaic belongs to the cells it was written for; write one with `relumine light … --for FIELD`")
@@ -176,6 +187,7 @@ impl Error {
             Self::Incident(_)
             | Self::Relight(_)
             | Self::NotAlike { .. }
+            | Self::NoNoise { .. }
             | Self::Render(_)
             | Self::NeitherMosaicNorMap { .. } => false,
         }
