@@ -45,9 +45,15 @@ pub(crate) struct Arguments {
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
 enum SeparationArgument {
-    /// Minimum of row comb and column comb, the paper's (§5): too bright where several squares light a point.
+    /// Minimum of row comb and column comb, the paper's (§5), nothing cut off: too bright where several squares light a
+    /// point, and too dark by noise everywhere.
     Minimum,
-    /// The minimum fitted to every comb photograph and to the white frame: right in sum everywhere.
+    /// The minimum, black below three standard deviations of a photograph without light: the paper's noise filter.
+    Thresholded,
+    /// The minimum with the bias of the minimum of two noisy values subtracted.
+    Unbiased,
+    /// The minimum fitted to every comb photograph and to the white frame as far as the noise of each lets it: right in sum
+    /// everywhere, and what noise hides in single squares is spread, not lost.
     Fitted,
 }
 
@@ -59,6 +65,8 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let options = DevelopOptions {
         separation: match arguments.separation {
             SeparationArgument::Minimum => Separation::Minimum,
+            SeparationArgument::Thresholded => Separation::Thresholded,
+            SeparationArgument::Unbiased => Separation::Unbiased,
             SeparationArgument::Fitted => Separation::Fitted,
         },
         black_level: arguments.black_level,
@@ -118,7 +126,7 @@ fn say_recovered(fits: &[ChannelFit; 3], talk: &Talk) {
     ));
 }
 
-/// Photographs that disagree by more than this share do not disagree by noise.
+/// Photographs of the same light that disagree by more than this share, beyond their noise, contradict each other.
 const CONTRADICTION: f64 = 0.2;
 
 /// No projector shows a black as bright as this share of its white.
@@ -145,6 +153,17 @@ fn summarise(outcomes: &[PositionOutcome], positions: usize, squares: usize, tal
     line("residual against the white frame, %", 100.0, 4, &|outcome| outcome.report.residual_white);
     line("black level of the projector, %", 100.0, 3, &|outcome| outcome.report.black_level);
     line("noise of one photograph, radiance", 1.0, 6, &|outcome| outcome.report.noise);
+    line("light below the threshold, cut off, %", 100.0, 3, &|outcome| outcome.report.cut);
+    line("bias of minima, subtracted, %", 100.0, 3, &|outcome| outcome.report.bias_subtracted);
+    line("light that noise hides, spread, %", 100.0, 3, &|outcome| outcome.report.spread);
+    let unmeasured = outcomes.iter().filter_map(|outcome| outcome.report.photograph_noise.as_ref());
+    let unmeasured = unmeasured.filter(|noise| !noise.is_measured).count();
+    if unmeasured > 0 {
+        talk.say(format!(
+            "  the noise of {unmeasured} positions could not be measured, since no light was photographed twice there: that of \
+             a common camera is taken"
+        ));
+    }
     let brightest_black = outcomes.iter().filter_map(|outcome| outcome.report.black_level).fold(0.0, f64::max);
     if brightest_black > AMBIENT {
         talk.say(format!(
@@ -153,11 +172,9 @@ fn summarise(outcomes: &[PositionOutcome], positions: usize, squares: usize, tal
             100.0 * brightest_black
         ));
     }
-    let contradicts = outcomes.iter().filter(|outcome| {
-        let report = &outcome.report;
-        report.residual_white.is_some_and(|residual| residual > CONTRADICTION)
-            || report.residual_combs.is_some_and(|residual| residual > CONTRADICTION)
-    });
+    let contradicts = outcomes
+        .iter()
+        .filter(|outcome| outcome.report.disagreement.is_some_and(|disagreement| disagreement > CONTRADICTION));
     let contradicts: Vec<String> = contradicts.map(|outcome| outcome.position.to_string()).collect();
     if !contradicts.is_empty() {
         talk.say(format!(

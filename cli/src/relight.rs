@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use relumine::radiometry::{Image, Radiance};
-use relumine::{Coefficients, ReflectanceField, Relighting, missing_share};
+use relumine::{Coefficients, FieldNoise, ReflectanceField, Relighting, StandardErrors, field_noise, missing_share};
 
 use crate::failure::Failure;
 use crate::output::{DisplayArguments, PictureFormat, refuse_existing, write_picture};
@@ -25,6 +25,13 @@ pub(crate) struct Arguments {
     /// The picture to write, one for each light: .exr and .hdr hold radiance, .png and .tif what a display shows
     #[arg(short, long = "output", value_name = "OUT", required = true)]
     outputs: Vec<PathBuf>,
+    /// Write the standard error of the picture too, one for each light: .exr or .hdr
+    ///
+    /// What the noise of the photographs leaves uncertain in every pixel, as radiance: two of them cover what the picture is
+    /// off by in about 95 % of the pixels. It has nothing of what cells, crosstalk of combs, misplaced positions and the
+    /// coefficients cost. The field must be developed by this program, fitted or of single squares, and not packed.
+    #[arg(long = "error", value_name = "ERROR")]
+    errors: Vec<PathBuf>,
     #[command(flatten)]
     projection: ProjectionArguments,
     #[command(flatten)]
@@ -50,8 +57,25 @@ pub(crate) fn pictures(
     Ok(relighting.pictures())
 }
 
+/// The standard error of each of them, with a bar.
+fn standard_errors(
+    field: &ReflectanceField,
+    noise: &FieldNoise,
+    lights: &[Coefficients],
+    talk: &Talk,
+) -> Result<Vec<Image<Radiance>>, Failure> {
+    let mut errors = StandardErrors::new(field, noise, lights)?;
+    let bar = talk.bar("blocks of standard errors", errors.steps(), 0);
+    for step in &mut errors {
+        step?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(errors.pictures())
+}
+
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
-    let (lights, outputs) = (&arguments.lights, &arguments.outputs);
+    let (lights, outputs, errors) = (&arguments.lights, &arguments.outputs, &arguments.errors);
     if lights.len() != outputs.len() {
         return Err(Failure::usage(format!(
             "{} lights, but {} outputs: give one -o for each",
@@ -59,14 +83,29 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
             outputs.len()
         )));
     }
-    for (index, output) in outputs.iter().enumerate() {
+    if !errors.is_empty() && errors.len() != lights.len() {
+        return Err(Failure::usage(format!(
+            "{} lights, but {} standard errors: give one --error for each, or none",
+            lights.len(),
+            errors.len()
+        )));
+    }
+    for error in errors {
+        if !matches!(PictureFormat::of(error)?, PictureFormat::Exr | PictureFormat::Hdr) {
+            let error = error.display();
+            return Err(Failure::usage(format!("{error}: a standard error is radiance: expected .exr or .hdr")));
+        }
+    }
+    let written: Vec<&PathBuf> = outputs.iter().chain(errors).collect();
+    for (index, output) in written.iter().enumerate() {
         PictureFormat::of(output)?;
         refuse_existing(output, arguments.force)?;
-        if outputs[..index].contains(output) {
+        if written[..index].contains(output) {
             return Err(Failure::usage(format!("{} is given twice", output.display())));
         }
     }
     let field = ReflectanceField::open(&arguments.field)?;
+    let noise = if errors.is_empty() { None } else { Some(field_noise(&field)?) };
     let mut coefficients = Vec::with_capacity(lights.len());
     let mut incomplete = Vec::new();
     for light in lights {
@@ -79,6 +118,11 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     }
     for (output, picture) in outputs.iter().zip(pictures(&field, &coefficients, talk)?) {
         write_picture(output, &picture, &arguments.display)?;
+    }
+    if let Some(noise) = noise {
+        for (error, picture) in errors.iter().zip(standard_errors(&field, &noise, &coefficients, talk)?) {
+            write_picture(error, &picture, &arguments.display)?;
+        }
     }
     if incomplete.is_empty() {
         return Ok(());

@@ -48,20 +48,37 @@ pub(super) fn inspect(path: &Path) -> Result<(), Failure> {
             line("residual", format!("{name:<9} mean {:.3}, worst {:.3}", 100.0 * mean, 100.0 * worst))?;
         }
     }
-    line("per position", "azimuth°  tilt°  black %  combs %  white %  noise     clipped  missing".into())?;
+    for (name, value) in [
+        ("cut off below the threshold", (|report| report.cut) as fn(&DevelopedReport) -> Option<f64>),
+        ("bias of minima, subtracted", |report| report.bias_subtracted),
+        ("hidden by noise, spread", |report| report.spread),
+    ] {
+        let values: Vec<f64> = reports.iter().filter_map(value).collect();
+        if !values.is_empty() {
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let (least, most) =
+                values.iter().fold((f64::MAX, f64::MIN), |(a, b), value| (a.min(*value), b.max(*value)));
+            line(
+                "removed",
+                format!("{name}: mean {:.3} % of the light, {:.3} to {:.3}", 100.0 * mean, 100.0 * least, 100.0 * most),
+            )?;
+        }
+    }
+    line("per position", "azimuth°  tilt°  black %  combs %  white %  noise     removed %  clipped  missing".into())?;
     for (record, report) in field.records().iter().zip(&reports) {
         let position = cells.partition().positions()[record.position];
         let percent = |value: Option<f64>| value.map_or("–".into(), |value| format!("{:.3}", 100.0 * value));
         line(
             &format!("{:>12}", record.position),
             format!(
-                "{:>8.2} {:>6.2} {:>8} {:>8} {:>8}  {:<9} {:>7} {:>8}",
+                "{:>8.2} {:>6.2} {:>8} {:>8} {:>8}  {:<9} {:>9} {:>8} {:>8}",
                 position.azimuth.to_degrees(),
                 position.tilt.to_degrees(),
                 percent(report.black_level),
                 percent(report.residual_combs),
                 percent(report.residual_white),
                 report.noise.map_or("–".into(), |noise| format!("{noise:.2e}")),
+                percent(report.cut.or(report.bias_subtracted).or(report.spread)),
                 report.clipped_pixels,
                 record.missing.len()
             ),

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use relumine_radiometry::files::{self, Photograph, Picture};
 use relumine_radiometry::{
-    Counts, Image, Linear, Linearization, Merged, NoiseModel, Radiance, Response, Visibility, merge_counts,
-    merge_linear,
+    Counts, Image, Linear, Linearization, Merged, NoiseModel, NoiseSamples, Radiance, Response, Visibility,
+    merge_counts, merge_linear,
 };
 use sha2::{Digest, Sha256};
 
+use crate::noise::Shown;
 use crate::separation::Method;
 use crate::setup::CameraResponse;
 use crate::{
@@ -139,11 +140,15 @@ impl Developer {
         let Some(black) = self.radiance(position, ShownPattern::Black, &mut losses)? else {
             return Ok(Err(losses));
         };
-        let loaded: Vec<(Option<Merged>, Vec<Loss>)> = patterns
+        let loaded: Vec<(Option<Merged>, NoiseSamples, Vec<Loss>)> = patterns
             .par_iter()
             .map(|pattern| {
                 let mut losses = Vec::new();
-                Ok((self.radiance(position, *pattern, &mut losses)?, losses))
+                let mut merged = self.radiance(position, *pattern, &mut losses)?;
+                let samples = merged.as_ref().map(NoiseSamples::of).unwrap_or_default();
+                // What it is uncertain by is in the samples now, and all photographs are held at once.
+                merged.iter_mut().for_each(|merged| merged.variance = Vec::new());
+                Ok((merged, samples, losses))
             })
             .collect::<Result<_, CaptureError>>()?;
         let mut clipped: Vec<u8> = vec![0; black.visibility.len()];
@@ -153,9 +158,11 @@ impl Developer {
             }
         };
         count_clipped(&black);
+        let mut samples = NoiseSamples::of(&black);
         let mut frames = Vec::with_capacity(loaded.len());
-        for (merged, lost) in loaded {
+        for (merged, of_frame, lost) in loaded {
             merged.iter().for_each(&mut count_clipped);
+            samples.add(&of_frame);
             frames.push(merged.map(|merged| merged.radiance.into_pixels().into_flattened()));
             losses.extend(lost);
         }
@@ -172,12 +179,33 @@ impl Developer {
             Some(black_level) => Some(black_level),
             None => measured_black_level(setup.scheme(), &black, &frames, white.as_deref()),
         };
+        let shown = Shown {
+            scheme: setup.scheme(),
+            frames: &frames,
+            black: &black,
+            white: white.as_deref(),
+            black_level: black_level.unwrap_or(0.0),
+            clipped: &clipped,
+        };
+        let (noise, black, black_variance) = shown.noise(samples.curve());
         let scale = (1.0 / (1.0 - black_level.unwrap_or(0.0))) as f32;
         frames.par_iter_mut().flatten().chain(white.par_iter_mut()).for_each(|frame| {
             frame.iter_mut().zip(&black).for_each(|(value, black)| *value = (*value - black) * scale);
         });
-        let method = self.method;
-        Ok(Ok(DevelopedPosition { setup, method, position, frames, white, black_level, lamp, clipped, losses }))
+        Ok(Ok(DevelopedPosition {
+            setup,
+            method: self.method,
+            position,
+            frames,
+            white,
+            black,
+            black_variance,
+            noise,
+            black_level,
+            lamp,
+            clipped,
+            losses,
+        }))
     }
 
     /// Divides the frames of a position by what the lamp shone over what it shone for the black frame, as the reference patch says;
@@ -230,7 +258,7 @@ impl Developer {
         })
     }
 
-    /// The white frame, NaN where no exposure saw it; not having one loses nothing.
+    /// The white frame, NaN where every exposure is clipped; not having one loses nothing.
     fn white(&self, position: usize, losses: &mut Vec<Loss>) -> Result<Option<Vec<f32>>, CaptureError> {
         if self.capture.exposures(position, ShownPattern::White).is_empty() {
             return Ok(None);
@@ -239,7 +267,7 @@ impl Developer {
         Ok(merged.map(|merged| {
             let mut pixels = merged.radiance.into_pixels();
             for (pixel, seen) in pixels.iter_mut().zip(&merged.visibility) {
-                if *seen != Visibility::Seen {
+                if *seen == Visibility::Clipped {
                     *pixel = [f32::NAN; 3];
                 }
             }

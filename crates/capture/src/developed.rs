@@ -11,11 +11,15 @@ use rayon::prelude::*;
 use relumine_basis::Cell;
 use relumine_radiometry::colour::Correction;
 
-use crate::separation::{self, Combs, Method, Residual};
-use crate::{Loss, Scheme, Setup};
+use crate::separation::{self, CombNoise, Combs, Method, Removed, Residual, THRESHOLD_SIGMAS};
+use crate::{Loss, PositionNoise, Scheme, Setup};
 
 /// Pixels that are separated together.
 const STRIP: usize = 64;
+/// Lanes that one task compares.
+const PART: usize = 1 << 13;
+/// Squared differences of photographs up to so many variances are noise.
+const WITHIN_NOISE: f64 = 2.0;
 
 /// The photographs of one position as radiance, black taken away, ready to be separated.
 pub struct DevelopedPosition<'a> {
@@ -26,6 +30,10 @@ pub struct DevelopedPosition<'a> {
     pub(crate) frames: Vec<Option<Vec<f32>>>,
     /// The white frame likewise; NaN where every exposure is clipped.
     pub(crate) white: Option<Vec<f32>>,
+    /// What was subtracted, three lanes a pixel, and its variance.
+    pub(crate) black: Vec<f32>,
+    pub(crate) black_variance: Vec<f32>,
+    pub(crate) noise: Option<PositionNoise>,
     pub(crate) black_level: Option<f64>,
     pub(crate) lamp: Option<(f64, f64)>,
     pub(crate) clipped: Vec<u8>,
@@ -44,6 +52,8 @@ pub struct Tile {
     pub residual: Residual,
     /// How well the minimum alone would explain them.
     pub residual_of_minimum: Residual,
+    /// What was taken from the light because of noise.
+    pub removed: Removed,
 }
 
 impl DevelopedPosition<'_> {
@@ -67,6 +77,11 @@ impl DevelopedPosition<'_> {
     /// For each pixel, in how many photographs every exposure was clipped: there the transfer is a lower bound.
     pub fn clipped(&self) -> &[u8] {
         &self.clipped
+    }
+
+    /// What the photographs are uncertain by; `None` if every sample is clipped.
+    pub fn photograph_noise(&self) -> Option<&PositionNoise> {
+        self.noise.as_ref()
     }
 
     /// Photographs that could not be used.
@@ -131,6 +146,59 @@ impl DevelopedPosition<'_> {
         (lanes > 0).then(|| (sum / lanes as f64 / (plus.len() + minus.len()) as f64).sqrt())
     }
 
+    /// By what share of the light photographs of the same light disagree beyond their noise: row combs and column combs table
+    /// by table, and both with the white frame; all single squares with the white frame. Zero within noise; `None` if there
+    /// is nothing to compare.
+    pub fn disagreement(&self) -> Option<f64> {
+        let noise = self.noise.as_ref()?;
+        let scale = 1.0 / (1.0 - noise.black_level);
+        let lanes = self.black.len();
+        let frames: Vec<&[f32]> = self.frames.iter().map(Option::as_deref).collect::<Option<_>>()?;
+        // Sums of the same light: what is in the first less what is in the second.
+        let mut pairs: Vec<(Vec<&[f32]>, Vec<&[f32]>)> = Vec::new();
+        if let Scheme::Combs { spacing } = self.setup.scheme() {
+            let m = self.setup.cells().squares();
+            let (rows, columns) = frames.split_at(frames.len() / 2);
+            let phases = (0..spacing).flat_map(|k| (0..spacing).map(move |kk| (k, kk)));
+            for (k, kk) in phases {
+                let lines = |first: usize| (first..m).step_by(spacing);
+                pairs.push((
+                    lines(kk).map(|v| rows[v * spacing + k]).collect(),
+                    lines(k).map(|u| columns[u * spacing + kk]).collect(),
+                ));
+            }
+            pairs.extend(self.white.as_deref().map(|white| (rows.to_vec(), vec![white])));
+        } else {
+            pairs.push((frames, vec![self.white.as_deref()?]));
+        }
+        let worst = pairs.iter().map(|(first, second)| {
+            // The error of the black frame is in all of them.
+            let blacks = first.len() as f64 - second.len() as f64;
+            let of_lane = |lane: usize| {
+                let add = |frames: &[&[f32]]| {
+                    frames.iter().fold((0.0, 0.0), |(sum, variance), frame| {
+                        let radiance = frame[lane] / scale as f32 + self.black[lane];
+                        (sum + f64::from(frame[lane]), variance + f64::from(noise.curve.at(radiance)))
+                    })
+                };
+                let ((first, of_first), (second, of_second)) = (add(first), add(second));
+                let of_black = blacks * blacks * f64::from(self.black_variance[lane]);
+                ((first - second).powi(2), scale * scale * (of_first + of_second + of_black), second * second)
+            };
+            // Part by part, each added in the order of its lanes, so that threads do not matter.
+            let part = |start: usize| {
+                let seen = (start..(start + PART).min(lanes)).filter(|lane| self.clipped[lane / 3] == 0).map(of_lane);
+                seen.filter(|(square, ..)| square.is_finite()).fold((0.0, 0.0, 0.0), add_three)
+            };
+            let parts: Vec<(f64, f64, f64)> =
+                (0..lanes.div_ceil(PART)).into_par_iter().map(|i| part(i * PART)).collect();
+            let (square, expected, light) = parts.into_iter().fold((0.0, 0.0, 0.0), add_three);
+            let excess = square - WITHIN_NOISE * expected;
+            if excess > 0.0 { (excess / light.max(f64::MIN_POSITIVE)).sqrt() } else { 0.0 }
+        });
+        Some(worst.fold(0.0, f64::max))
+    }
+
     /// Separates the squares of a rectangle of pixels.
     pub fn separate(&self, columns: Range<usize>, rows: Range<usize>) -> Tile {
         let setup = self.setup;
@@ -140,7 +208,7 @@ impl DevelopedPosition<'_> {
         let starts: Vec<usize> = columns.clone().step_by(STRIP).collect();
         let pieces: Vec<(usize, usize)> =
             rows.clone().flat_map(|row| starts.iter().map(move |start| (row, *start))).collect();
-        let strips: Vec<(Vec<f32>, Residual, Residual)> = pieces
+        let strips: Vec<(Vec<f32>, Residual, Residual, Removed)> = pieces
             .into_par_iter()
             .map(|(row, start)| {
                 let end = (start + STRIP).min(columns.end);
@@ -170,29 +238,34 @@ impl DevelopedPosition<'_> {
         );
         // Added in the order of the rows, whatever thread was first.
         let (mut residual, mut residual_of_minimum) = (Residual::default(), Residual::default());
-        for (_, fitted, minimum) in &strips {
+        let mut removed = Removed::default();
+        for (_, fitted, minimum, of_strip) in &strips {
             residual.add(*fitted);
             residual_of_minimum.add(*minimum);
+            removed.add(*of_strip);
         }
-        Tile { columns, rows, transfer, residual, residual_of_minimum }
+        Tile { columns, rows, transfer, residual, residual_of_minimum, removed }
     }
 
-    fn separate_lanes(&self, lanes: Range<usize>) -> (Vec<f32>, Residual, Residual) {
+    fn separate_lanes(&self, lanes: Range<usize>) -> (Vec<f32>, Residual, Residual, Removed) {
         let setup = self.setup;
         let m = setup.cells().squares();
         if matches!(setup.scheme(), Scheme::Squares) {
-            return self.single_squares(lanes);
+            let (squares, residual) = self.single_squares(lanes);
+            return (squares, residual, residual, Removed::default());
         }
         let combs = self.combs(lanes);
         let mut squares = vec![0.0; m * m * combs.lanes];
         separation::separate_minimum(&combs, &mut squares);
         let of_minimum = separation::residual(&combs, &squares);
-        if self.method == Method::Minimum {
-            return (squares, of_minimum, of_minimum);
-        }
-        separation::separate_fitted(&combs, &mut squares);
+        let removed = match self.method {
+            Method::Minimum => return (squares, of_minimum, of_minimum, Removed::default()),
+            Method::Thresholded => separation::separate_thresholded(&combs, THRESHOLD_SIGMAS, &mut squares),
+            Method::Unbiased => separation::separate_unbiased(&combs, &mut squares),
+            Method::Fitted => separation::separate_fitted(&combs, &mut squares),
+        };
         let residual = separation::residual(&combs, &squares);
-        (squares, residual, of_minimum)
+        (squares, residual, of_minimum, removed)
     }
 
     fn combs(&self, lanes: Range<usize>) -> Combs<'_> {
@@ -208,17 +281,24 @@ impl DevelopedPosition<'_> {
             rows: rows.to_vec(),
             columns: columns.to_vec(),
             white: self.white.as_ref().map(|white| &white[lanes.clone()]),
+            noise: self.noise.as_ref().map(|noise| CombNoise {
+                curve: &noise.curve,
+                black: &self.black[lanes.clone()],
+                black_variance: &self.black_variance[lanes.clone()],
+                scale: (1.0 / (1.0 - noise.black_level)) as f32,
+            }),
             lanes: lanes.len(),
         }
     }
 
-    /// Squares that were photographed alone need no separation; only the white frame has something to say.
-    fn single_squares(&self, lanes: Range<usize>) -> (Vec<f32>, Residual, Residual) {
+    /// Squares that were photographed alone need no separation; only the white frame has something to say. What noise makes
+    /// negative stays, lest what it makes positive add up.
+    fn single_squares(&self, lanes: Range<usize>) -> (Vec<f32>, Residual) {
         let count = lanes.len();
         let mut squares = vec![0.0; self.frames.len() * count];
         for (square, frame) in squares.chunks_exact_mut(count).zip(&self.frames) {
             let Some(frame) = frame else { continue };
-            square.iter_mut().zip(&frame[lanes.clone()]).for_each(|(value, frame)| *value = frame.max(0.0));
+            square.copy_from_slice(&frame[lanes.clone()]);
         }
         let mut residual = Residual::default();
         if let (Some(white), true) = (&self.white, self.frames.iter().all(Option::is_some)) {
@@ -228,6 +308,10 @@ impl DevelopedPosition<'_> {
                 residual.white_energy += f64::from(*white).powi(2);
             }
         }
-        (squares, residual, residual)
+        (squares, residual)
     }
+}
+
+fn add_three(sum: (f64, f64, f64), other: (f64, f64, f64)) -> (f64, f64, f64) {
+    (sum.0 + other.0, sum.1 + other.1, sum.2 + other.2)
 }

@@ -7,17 +7,26 @@
 //! slices of equally many lanes; squares go out as `squares[(v · M + u) · lanes + lane]`.
 
 mod fitted;
+mod margins;
 mod minimum;
+mod noise;
 
 pub use fitted::separate_fitted;
-pub use minimum::separate_minimum;
+pub use minimum::{separate_minimum, separate_thresholded, separate_unbiased};
+pub use noise::CombNoise;
 
 /// How squares are told apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// The minimum of the row comb and the column comb that share the square: the paper's.
+    /// The minimum of the row comb and the column comb that share the square: the paper's. Nothing is cut off.
     Minimum,
-    /// The minimum, then iterative proportional fitting until every comb photograph and the white frame are explained.
+    /// The minimum, black below [`THRESHOLD_SIGMAS`] standard deviations of a photograph without light: the paper's noise
+    /// filter.
+    Thresholded,
+    /// The minimum with the bias of the minimum of two noisy values subtracted.
+    Unbiased,
+    /// The minimum, then iterative proportional fitting until every comb photograph and the white frame are explained as far
+    /// as their noise lets them.
     #[default]
     Fitted,
 }
@@ -27,8 +36,42 @@ impl Method {
     pub fn name(self) -> &'static str {
         match self {
             Self::Minimum => "minimum",
+            Self::Thresholded => "thresholded",
+            Self::Unbiased => "unbiased",
             Self::Fitted => "fitted",
         }
+    }
+}
+
+/// Below how many standard deviations of a photograph without light [`Method::Thresholded`] is black.
+pub const THRESHOLD_SIGMAS: f32 = 3.0;
+
+/// What separation took from the light of the squares because of noise: sums over lanes and squares, to be added.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Removed {
+    /// All light.
+    pub light: f64,
+    /// What lay below the threshold and was cut off.
+    pub cut: f64,
+    /// The bias of minima of noisy values that was subtracted: added to the light, since minima are too small.
+    pub bias: f64,
+    /// What could not be told from noise in single squares, and was spread evenly over the squares of its table: the sum
+    /// of all light is as without.
+    pub spread: f64,
+}
+
+impl Removed {
+    /// Adds what another part of the picture says.
+    pub fn add(&mut self, other: Self) {
+        self.light += other.light;
+        self.cut += other.cut;
+        self.bias += other.bias;
+        self.spread += other.spread;
+    }
+
+    /// One of the sums as a share of all light; `None` if there is none.
+    pub fn share(&self, of: f64) -> Option<f64> {
+        (self.light > 0.0).then(|| of / self.light)
     }
 }
 
@@ -44,6 +87,8 @@ pub struct Combs<'a> {
     pub columns: Vec<Option<&'a [f32]>>,
     /// The white frame, minus black, over 1 − b; NaN in lanes where it is not to be trusted.
     pub white: Option<&'a [f32]>,
+    /// What the frames are uncertain by; `None` if nothing is known of it, and they are taken as exact.
+    pub noise: Option<CombNoise<'a>>,
     /// Lanes of every frame.
     pub lanes: usize,
 }

@@ -263,7 +263,8 @@ impl Setup {
     /// Bytes of memory that one position needs while it is developed, and `tile_pixels` of its squares are told apart.
     pub fn developing_bytes(&self, tile_pixels: usize) -> usize {
         let squares = self.cells.squares();
-        let frames = self.scheme.lighting(squares).len() + 2;
+        // With black, its variance, white and the sum of all.
+        let frames = self.scheme.lighting(squares).len() + 4;
         let pixels = self.width * self.height;
         let frames = frames.saturating_mul(pixels).saturating_mul(12);
         frames.saturating_add((2 * squares * squares * 12).saturating_mul(tile_pixels.min(pixels)))

@@ -12,6 +12,7 @@ mod exposure;
 pub mod files;
 mod image;
 mod merge;
+mod noise;
 pub mod projector;
 mod response;
 
@@ -24,6 +25,7 @@ pub use merge::{
     ExposureRatio, Merged, NoiseModel, RefinedExposures, Visibility, merge_counts, merge_counts_plain, merge_linear,
     refine_exposures,
 };
+pub use noise::{NoiseCurve, NoiseSamples};
 pub use response::{
     ChannelFit, Linearization, RecoveredResponse, RecoveryError, Response, ResponseCurve, ResponseError,
     recover_response, response_plot,

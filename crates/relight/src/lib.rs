@@ -4,6 +4,8 @@
 //! block by block, for several lights in one pass over the field. It touches only the positions and squares that a light
 //! shines from. The two agree to [`TOLERANCE`].
 //!
+//! [`StandardErrors`] says what noise of the photographs leaves uncertain in it.
+//!
 //! Nothing here knows where coefficients come from or how a field was made.
 
 mod kernel;
@@ -12,6 +14,7 @@ mod reference;
 mod relighting;
 mod resident;
 mod source;
+mod standard_error;
 
 pub use packed::{
     Incremental, LightWeights, PackedError, Progressive, ResidentBlock, ResidentPacked, Step, Update, relight_block,
@@ -20,6 +23,7 @@ pub use reference::relight_reference;
 pub use relighting::{RelightError, Relighting, missing_share};
 pub use resident::ResidentField;
 pub use source::TransferSource;
+pub use standard_error::{FieldNoise, PhotographNoise, SeparationNoise, StandardErrors};
 
 /// Relative L2 difference allowed between the reference and the fast version: single precision sums of at most some
 /// hundred thousand terms of one sign, a few units of the last place each.

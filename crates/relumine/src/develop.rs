@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
-use relumine_capture::separation::{Method, Residual};
-use relumine_capture::{CameraResponse, Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Setup, Tile};
+use relumine_capture::separation::{Method, Removed, Residual};
+use relumine_capture::{
+    CameraResponse, Capture, DevelopedPosition, Developer, Loss, PositionNoise, Remark, Scheme, Setup, Tile,
+};
 use relumine_field::packed::{Keep, Patches, Sketch};
 use relumine_field::{Blocks, Extent, FieldError, FieldWriter, Header, PositionRecord};
 use relumine_radiometry::ChannelFit;
@@ -62,6 +64,21 @@ pub struct DevelopedReport {
     /// The least and the most that the lamp shone over what it shone for the black frame, as the reference patch says; taken out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lamp: Option<(f64, f64)>,
+    /// By what share of the light photographs of the same light disagree beyond their noise.
+    #[serde(default)]
+    pub disagreement: Option<f64>,
+    /// What one photograph is uncertain by, by its radiance: what the standard error of a relit picture comes from.
+    #[serde(default)]
+    pub photograph_noise: Option<PositionNoise>,
+    /// Share of the light that lay below a threshold and was cut off.
+    #[serde(default)]
+    pub cut: Option<f64>,
+    /// Share of the light that was added because minima of noisy values are too small.
+    #[serde(default)]
+    pub bias_subtracted: Option<f64>,
+    /// Share of the light that could not be told from noise in single squares and was spread evenly over tables of squares.
+    #[serde(default)]
+    pub spread: Option<f64>,
     /// Pixels that were clipped in every exposure of some photograph: their transfers are lower bounds.
     pub clipped_pixels: usize,
     /// Photographs that could not be used, and why.
@@ -156,16 +173,18 @@ impl Development {
             "from": "capture",
             "separation": if setup.scheme() == Scheme::Squares { "none" } else { options.separation.name() },
             "scheme": setup.scheme().name(),
+            "spacing": match setup.scheme() {
+                Scheme::Combs { spacing } => Some(spacing.min(setup.cells().squares())),
+                Scheme::Squares => None,
+            },
             "photographs": developer.capture().photographs().len(),
             "input_sha256": input,
             "intensity_w_sr": setup.intensity_w_sr(),
             "response": setup.response_name(),
             "noise": "root mean square of one photograph, radiance, in each position's report",
             "colour": setup.colour_name(),
-            "removed": match setup.colour() {
-                None => "negative values; nothing else is cut off",
-                Some(_) => "negative values of the camera's channels, before their colours are corrected; nothing else is cut off",
-            },
+            "removed": removed_in_words(setup.scheme(), options.separation),
+            "square_flux_w": square_flux(setup),
         });
         let mut header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
         header.packing = options.encoding.packing();
@@ -270,10 +289,11 @@ impl Development {
         let position = developed.position();
         let scale = FieldWriter::scale_for(developed.transfer_bound());
         let (mut residual, mut residual_of_minimum) = (Residual::default(), Residual::default());
+        let mut removed = Removed::default();
         for tile in self.writer.blocks().all_tiles() {
             let separated = |extent: &Extent| {
                 let block = developed.separate(extent.columns.clone(), extent.rows.clone());
-                (halves(&block, scale), (block.residual, block.residual_of_minimum))
+                (halves(&block, scale), (block.residual, block.residual_of_minimum, block.removed))
             };
             let keep = self.encoding.packing().map(|packing| Keep::for_error(packing.error));
             let residuals = match keep {
@@ -287,9 +307,10 @@ impl Development {
                     })?
                 }
             };
-            for (fitted, minimum) in residuals {
+            for (fitted, minimum, of_block) in residuals {
                 residual.add(fitted);
                 residual_of_minimum.add(minimum);
+                removed.add(of_block);
             }
         }
         let present = developed.present();
@@ -300,6 +321,11 @@ impl Development {
             residual_white: residual.white(),
             noise: developed.noise(),
             lamp: developed.lamp(),
+            disagreement: developed.disagreement(),
+            photograph_noise: developed.photograph_noise().cloned(),
+            cut: removed.share(removed.cut),
+            bias_subtracted: removed.share(removed.bias),
+            spread: removed.share(removed.spread),
             clipped_pixels: developed.clipped().iter().filter(|count| **count > 0).count(),
             losses: developed.losses().iter().map(Loss::to_string).collect(),
         };
@@ -341,6 +367,26 @@ impl Iterator for Development {
         self.queue = queue;
         next
     }
+}
+
+/// What separation takes from the light because of noise; how much it was, each position's report says.
+fn removed_in_words(scheme: Scheme, method: Method) -> &'static str {
+    match (scheme, method) {
+        (Scheme::Squares, _) | (_, Method::Minimum) => "nothing; squares may be negative by noise",
+        (_, Method::Thresholded) => "squares below three standard deviations of a photograph without light are black",
+        (_, Method::Unbiased) => "the bias of the minimum of two noisy values",
+        (_, Method::Fitted) => "light that noise hides in single squares is spread over the table of squares it is in",
+    }
+}
+
+/// Φ_square of every square [v · M + u], W per unit of projected white; one number if all are the same.
+fn square_flux(setup: &Setup) -> Vec<f64> {
+    let m = setup.cells().squares();
+    let mut flux: Vec<f64> = (0..m * m).map(|square| setup.square_flux(square % m, square / m)).collect();
+    if flux.iter().all(|value| *value == flux[0]) {
+        flux.truncate(1);
+    }
+    flux
 }
 
 /// A block as halves over `scale`, from `[square][row][column][channel]` to `[square][channel][row][column]`.

@@ -55,6 +55,14 @@ pub enum Error {
         /// Why the first part of it could not be used.
         first: String,
     },
+    /// A field without what a standard error comes from.
+    #[error("{}: the field does not say what it is uncertain by: {reason}", path.display())]
+    NoNoise {
+        /// The field.
+        path: PathBuf,
+        /// Why it does not.
+        reason: String,
+    },
     /// Fields, or a field and a capture, that do not belong together.
     #[error("{}: {found}, but {expected} is what it is held against", path.display())]
     NotAlike {
@@ -149,6 +157,9 @@ impl Error {
             Self::Card { .. } => {
                 Some("FORMAT.md says how the card is photographed; --corners are those of the pattern on it")
             }
+            Self::NoNoise { .. } => Some(
+                "a standard error needs a field developed by `relumine develop`, fitted or of single squares, not packed",
+            ),
             Self::NothingUsable { .. } => Some("check that the photographs lie where the list says"),
             Self::NeitherMosaicNorMap { .. } | Self::Incident(IncidentError::Mosaic { .. }) => {
                 Some("a mosaic belongs to the cells it was written for; write one with `relumine light … --for FIELD`")
@@ -193,6 +204,7 @@ impl Error {
             Self::Incident(_)
             | Self::Relight(_)
             | Self::NotAlike { .. }
+            | Self::NoNoise { .. }
             | Self::Render(_)
             | Self::NeitherMosaicNorMap { .. } => false,
         }

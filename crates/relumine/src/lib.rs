@@ -35,6 +35,7 @@ mod error;
 mod import;
 mod kept_response;
 mod lights;
+mod noise;
 mod pack;
 mod queue;
 mod scene_field;
@@ -47,6 +48,7 @@ pub use develop::{DevelopOptions, DevelopedReport, Development, PositionOutcome}
 pub use error::Error;
 pub use import::{Import, ImportOptions, LampList, LampPhotograph};
 pub use lights::{LightKind, picture_kind, read_light, write_mosaic};
+pub use noise::field_noise;
 pub use pack::{Encoding, Repacking, kept};
 pub use scene_field::SceneField;
 
@@ -60,7 +62,10 @@ pub use relumine_field::ReflectanceField;
 pub use relumine_incident::{Options as ProjectionOptions, Projected, Reconstruction, project};
 pub use relumine_lamp::Light;
 pub use relumine_radiometry as radiometry;
-pub use relumine_relight::{Incremental, Relighting, ResidentField, ResidentPacked, missing_share, relight_reference};
+pub use relumine_relight::{
+    FieldNoise, Incremental, Relighting, ResidentField, ResidentPacked, StandardErrors, missing_share,
+    relight_reference,
+};
 pub use relumine_rig as rig;
 pub use relumine_rig::{Rig, Run, lay_out};
 pub use relumine_tracer as tracer;

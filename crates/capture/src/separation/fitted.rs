@@ -7,12 +7,14 @@
 //! of Deming & Stephan (1940).
 //!
 //! Photographs are noisy, so a block's row combs and column combs do not have quite the same total, and no table has both.
-//! They are reconciled first: each block's total is the mean of the two, all totals are scaled so that they add to the white
-//! frame (unless it is dark, clipped or contradicts them), and the margins are scaled to their total. The fit then has a solution: the squares add up to the white frame,
-//! its noise included, and every comb is explained up to noise. Noise is cut off at zero once a block, not once a square:
-//! hundreds of cells that are each a little too bright add up.
+//! They are reconciled first. Where the noise is known, light and noise are told apart (`margins.rs`): dark squares stay
+//! dark, bright ones follow their combs by the variance of each, and what cannot be told from noise is spread evenly, so
+//! that the squares add up to the best estimate of the total. Where no noise is known: each block's total is the mean of
+//! the two, all totals are scaled so that they add to the white frame (unless it is dark, clipped or contradicts them),
+//! and the margins, cut off at zero, are scaled to their total. Either way the fit then has a solution.
 
-use super::{Combs, separate_minimum};
+use super::margins::{Freed, Margins, totals};
+use super::{Combs, Removed, separate_minimum};
 
 /// Sweeps stop when every row of the block is within this share of the block's total. Halves round to 5·10⁻⁴.
 const TOLERANCE: f32 = 1e-4;
@@ -20,23 +22,46 @@ const TOLERANCE: f32 = 1e-4;
 const SWEEPS: usize = 30;
 
 /// Separates by fitting; squares whose comb was not taken become zero, and blocks that lack a photograph keep the minimum.
+/// Says what was spread.
 ///
 /// # Panics
 /// If `squares` does not hold M² · lanes values.
-pub fn separate_fitted(combs: &Combs, squares: &mut [f32]) {
+pub fn separate_fitted(combs: &Combs, squares: &mut [f32]) -> Removed {
     separate_minimum(combs, squares);
-    let phases = combs.spacing;
+    let (phases, lanes) = (combs.spacing, combs.lanes);
     let mut blocks: Vec<Block> =
         (0..phases).flat_map(|k| (0..phases).filter_map(move |kk| Block::new(combs, k, kk))).collect();
-    let whole = blocks.len() == phases * phases;
-    if let (Some(white), true) = (combs.white, whole) {
+    let white = combs.white.filter(|_| blocks.len() == phases * phases);
+    let mut fit = Fit::new(lanes);
+    let mut removed = Removed::default();
+    if let Some(noise) = combs.noisy() {
+        let mut tables: Vec<Margins> = blocks.iter_mut().map(Block::margins).collect();
+        totals(&mut tables, white, BELIEVED, noise, lanes);
+        let mut freed = Freed::default();
+        for block in &mut blocks {
+            freed.free(&mut block.margins(), noise, lanes);
+            block.reconcile(&mut fit);
+            fit.run(combs, block, squares);
+            for (square, (u, v)) in block.squares().enumerate() {
+                let values = &mut squares[(v * combs.squares + u) * lanes..][..lanes];
+                for (lane, value) in values.iter_mut().enumerate() {
+                    let (rest, spread) = freed.rest(square, lane, lanes);
+                    *value += rest;
+                    removed.spread += f64::from(spread);
+                    removed.light += f64::from(*value);
+                }
+            }
+        }
+        return removed;
+    }
+    if let Some(white) = white {
         scale_to_white(&mut blocks, white);
     }
-    let mut fit = Fit::new(combs.lanes);
     for block in &mut blocks {
         block.reconcile(&mut fit);
         fit.run(combs, block, squares);
     }
+    removed
 }
 
 /// The squares (u, v) with u ≡ k, v ≡ k', their margins and total.
@@ -75,6 +100,15 @@ impl Block {
         Some(Self { us, vs, rows, columns, total })
     }
 
+    fn margins(&mut self) -> Margins<'_> {
+        Margins { rows: &mut self.rows, columns: &mut self.columns, total: &mut self.total }
+    }
+
+    /// The squares (u, v), row by row.
+    fn squares(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.vs.iter().flat_map(|v| self.us.iter().map(move |u| (*u, *v)))
+    }
+
     /// Cuts the margins at zero and scales each family to the block's total.
     fn reconcile(&mut self, fit: &mut Fit) {
         for margin in [&mut self.rows, &mut self.columns] {
@@ -96,7 +130,8 @@ impl Block {
     }
 }
 
-/// A white frame that differs from the combs by more than this factor is noise, or no white frame: the combs decide.
+/// A white frame that differs from the combs by more than this factor, and by more than its noise, is no white frame: the
+/// combs decide.
 const BELIEVED: f32 = 2.0;
 
 /// Scales the totals of all blocks so that they add to the white frame, where it is to be trusted.

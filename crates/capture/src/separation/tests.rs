@@ -4,6 +4,8 @@ use proptest::prelude::*;
 
 use super::*;
 
+mod noisy;
+
 /// Photographs of known squares, `truth[(v · M + u) · lanes + lane]`, without noise.
 struct Photographed {
     squares: usize,
@@ -37,6 +39,7 @@ impl Photographed {
             rows: self.rows.iter().map(|frame| Some(frame.as_slice())).collect(),
             columns: self.columns.iter().map(|frame| Some(frame.as_slice())).collect(),
             white: Some(&self.white),
+            noise: None,
             lanes: self.lanes,
         }
     }
@@ -46,7 +49,9 @@ fn separated(combs: &Combs, method: Method) -> Vec<f32> {
     let mut squares = vec![f32::NAN; combs.squares * combs.squares * combs.lanes];
     match method {
         Method::Minimum => separate_minimum(combs, &mut squares),
-        Method::Fitted => separate_fitted(combs, &mut squares),
+        Method::Thresholded => drop(separate_thresholded(combs, THRESHOLD_SIGMAS, &mut squares)),
+        Method::Unbiased => drop(separate_unbiased(combs, &mut squares)),
+        Method::Fitted => drop(separate_fitted(combs, &mut squares)),
     }
     squares
 }
@@ -104,6 +109,7 @@ proptest! {
             rows: (0..24).map(frame).collect(),
             columns: (24..48).map(frame).collect(),
             white: Some(&values[96..]),
+            noise: None,
         };
         let fitted = separated(&combs, Method::Fitted);
         prop_assert!(fitted.iter().all(|value| value.is_finite() && *value >= 0.0));
