@@ -7,7 +7,7 @@ DATA holds cc_charts/ and cc_reference/. Writes a dated run file in benches/runs
 docs/colour.md. The reference in the last column is a 3 x 3 matrix by linear least squares in XYZ with numpy, exposure fitted,
 its colour differences by colour-science (`pip install numpy colour-science`).
 """
-import argparse, datetime, hashlib, json, os, pathlib, platform, subprocess, tempfile, time
+import argparse, datetime, hashlib, json, os, pathlib, platform, subprocess, tempfile
 
 import colour, numpy
 
@@ -68,17 +68,15 @@ with tempfile.TemporaryDirectory() as work:
     print("|---|---|---|---|---|---|---|---|---|---|")
     for photograph, chart, reference, words in cases:
         for model in ("matrix", "root-polynomial"):
-            begin = time.perf_counter()
             done = subprocess.run([str(arguments.relumine), "calibrate", "colour", str(charts / photograph), "--response", "srgb",
                                    "-o", str(work / "c.toml"), "--force", "--json", "--model", model, *map(str, words)],
                                   check=True, capture_output=True, text=True)
-            seconds = time.perf_counter() - begin
             report = json.loads(done.stdout)
             errors = report["delta_e_2000"]
             plain = least_squares(report["patches"])
             runs.append({"photograph": photograph, "chart": chart, "reference": reference, "model": model,
                          "corners": report["corners"], "found": report["found"], "left_out": report["left_out"],
-                         "delta_e_2000": errors, "delta_e_2000_of_least_squares": plain, "wall_s": round(seconds, 3),
+                         "delta_e_2000": errors, "delta_e_2000_of_least_squares": plain,
                          "said": [line for line in done.stderr.splitlines() if " found: " in line]})
             figures = [f"{errors[name][kind]:.2f}" for name, kind in
                        (("before", "mean"), ("after", "mean"), ("held_out", "mean"), ("after", "max"))]
