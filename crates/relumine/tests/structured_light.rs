@@ -45,15 +45,17 @@ impl Stripes {
         (0..above.len()).filter(|pixel| above[*pixel] > bright && self.white[*pixel] < 0.99).collect()
     }
 
-    /// Relative L1 of pattern + inverse against white + black, of one bit, over `lit`.
-    fn superposition(&self, [pattern, inverse]: &[Vec<f32>; 2], lit: &[usize]) -> f64 {
-        let (mut error, mut light) = (0.0, 0.0);
+    /// Pattern + inverse less white + black, of one bit, over white: of the sums over `lit`, and pixel by pixel (L1), where the noise of
+    /// four photographs is in it.
+    fn superposition(&self, [pattern, inverse]: &[Vec<f32>; 2], lit: &[usize]) -> (f64, f64) {
+        let (mut sums, mut error, mut light) = (0.0, 0.0, 0.0);
         for pixel in lit {
             let sum = pattern[*pixel] + inverse[*pixel] - self.white[*pixel] - self.black[*pixel];
+            sums += f64::from(sum);
             error += f64::from(sum.abs());
             light += f64::from(self.white[*pixel]);
         }
-        error / light
+        (f64::abs(sums) / light, error / light)
     }
 
     /// The minimum of an x and a y stripe pattern, over white: where both shine, and where at most one does. A pixel shines under
@@ -110,9 +112,13 @@ fn a_linear_camera_adds_up_and_the_minimum_tells_apart() {
     assert!((3.0..10.0).contains(&black));
     for (name, pairs) in [("x", &stripes.x), ("y", &stripes.y)] {
         for (bit, pair) in pairs.iter().enumerate() {
-            let error = stripes.superposition(pair, &lit);
-            println!("{name} bit {bit}: pattern + inverse is white + black within {:.2} % of white", 100.0 * error);
-            assert!(error < 0.02, "{name} bit {bit}: {error}");
+            let (sums, pixels) = stripes.superposition(pair, &lit);
+            println!(
+                "{name} bit {bit}: pattern + inverse is white + black within {:.2} % of white, pixel by pixel {:.2} %",
+                100.0 * sums,
+                100.0 * pixels
+            );
+            assert!(sums < 0.02 && pixels < 0.03, "{name} bit {bit}: {sums} and {pixels}");
         }
     }
     for bit in 0..5 {
@@ -147,24 +153,28 @@ fn jpeg_photographs_of_a_figurine_tell_apart_raw_and_better_linearized() {
             y: bits.clone().map(|bit| pair(22 + 2 * bit)).collect(),
         };
         let lit = stripes.lit();
-        let (mut inside, mut outside) = (Vec::new(), Vec::new());
-        for bit in bits.clone().skip(1) {
-            let (here, there) = stripes.minimum(bit, bit, &lit);
-            inside.extend(here);
-            outside.extend(there);
-        }
-        let sums: f64 = bits.map(|bit| stripes.superposition(&stripes.x[bit], &lit)).sum::<f64>() / 4.0;
-        [quantile(&mut inside, 0.5), quantile(&mut outside, 0.5), quantile(&mut outside, 0.95), sums]
+        let minima = bits.clone().map(|bit| {
+            let (mut inside, mut outside) = stripes.minimum(bit, bit, &lit);
+            [quantile(&mut inside, 0.5), quantile(&mut outside, 0.5), quantile(&mut outside, 0.95)]
+        });
+        let sums = bits.clone().map(|bit| stripes.superposition(&stripes.x[bit], &lit).1).sum::<f64>() / 4.0;
+        (minima.collect::<Vec<_>>(), sums)
     };
     let raw = figures(&Response::Linear);
     let linear = figures(&gamma(1.45));
-    for (name, [inside, outside, p95, sums]) in [("raw", raw), ("gamma 1.45 undone", linear)] {
-        println!(
-            "{name}: inside {inside:.3} of white, outside {outside:.4} (95th percentile {p95:.4}), sums off by {:.1} %",
-            100.0 * sums
-        );
-        assert!((0.97..=1.01).contains(&inside) && outside.abs() < 0.001 && p95 <= 0.03, "{name}");
+    for (name, (minima, sums)) in [("raw", &raw), ("gamma 1.45 undone", &linear)] {
+        println!("{name}: sums off by {:.2} % pixel by pixel", 100.0 * sums);
+        for (bit, [inside, outside, p95]) in minima.iter().enumerate() {
+            println!("  bit {bit}: inside {inside:.3} of white, outside {outside:.4} (95th percentile {p95:.4})");
+            assert!((0.97..=1.005).contains(inside), "{name}, bit {bit}");
+        }
+        // The widest stripes, whose edges are few.
+        let [_, outside, p95] = minima[0];
+        assert!(outside.abs() < 0.0005 && p95 <= 0.03, "{name}");
     }
-    assert!(linear[2] <= raw[2], "outside no worse: {} and {}", linear[2], raw[2]);
-    assert!(linear[0] > 0.97 && linear[3] <= raw[3], "{linear:?} and {raw:?}");
+    // Once light is light again, nothing is worse and what was outside is darker.
+    for (raw, linear) in raw.0.iter().zip(&linear.0) {
+        assert!(linear[1] <= raw[1] && linear[2] < raw[2] && linear[0] > raw[0] - 0.01, "{linear:?} after {raw:?}");
+    }
+    assert!(linear.1 < raw.1, "{} after {}", linear.1, raw.1);
 }
