@@ -71,9 +71,10 @@ fn small_falls_are_levelled_and_large_ones_refused() {
     let ripple = |by: f64| array(move |c, code| exposure(c, code) + if code % 2 == 0 { by } else { 0.0 }, true, ",");
     let curve = parse(&ripple(0.01)).unwrap();
     for channel in 0..3 {
-        for code in 0..256 {
+        // Lower down the ripple is larger than the exposures themselves.
+        for code in (0..256).filter(|code| exposure(channel, *code) > 0.1) {
             let fraction = curve.fraction(channel, exposure(channel, code));
-            assert!((fraction - code as f64 / 255.0).abs() < 0.07, "channel {channel}, code {code}: {fraction}");
+            assert!((fraction - code as f64 / 255.0).abs() < 0.03, "channel {channel}, code {code}: {fraction}");
         }
     }
     let error = parse(&ripple(0.2)).unwrap_err();
