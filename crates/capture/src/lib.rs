@@ -11,6 +11,7 @@ mod developed;
 mod error;
 mod pattern;
 mod photographs;
+mod recovered;
 pub mod separation;
 mod setup;
 
@@ -20,4 +21,5 @@ pub use developed::{DevelopedPosition, Tile};
 pub use error::CaptureError;
 pub use pattern::{Scheme, ShownPattern};
 pub use photographs::{PhotographRow, Photographs, csv_fields, csv_header};
+pub use recovered::recover_response;
 pub use setup::{CameraResponse, Setup};

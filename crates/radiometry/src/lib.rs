@@ -24,5 +24,5 @@ pub use merge::{
 };
 pub use response::{
     ChannelFit, Linearization, RecoveredResponse, RecoveryError, Response, ResponseCurve, ResponseError,
-    recover_response,
+    recover_response, response_plot,
 };

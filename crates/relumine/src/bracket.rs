@@ -88,6 +88,21 @@ impl Bracket {
         Self::of_files(paths.iter().cloned().zip(exposures).collect(), levels)
     }
 
+    /// Reads photographs whose exposures are given, in their order.
+    ///
+    /// # Errors
+    /// If there is not one positive exposure a photograph, a file cannot be read, or the photographs are no bracket.
+    pub fn read_exposed(paths: &[PathBuf], exposures: &[f64], levels: Levels) -> Result<Self, Error> {
+        check_number(Path::new("the photographs"), paths.len())?;
+        let positive = exposures.iter().all(|exposure| exposure.is_finite() && *exposure > 0.0);
+        if exposures.len() != paths.len() || !positive {
+            let reason =
+                format!("{} positive exposures were expected, one a photograph, found {exposures:?}", paths.len());
+            return Err(Error::Bracket { path: paths[0].clone(), reason });
+        }
+        Self::of_files(paths.iter().cloned().zip(exposures.iter().copied()).collect(), levels)
+    }
+
     /// Reads the photographs of an exposure list.
     ///
     /// # Errors
