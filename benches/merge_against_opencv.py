@@ -106,7 +106,7 @@ with tempfile.TemporaryDirectory() as work:
     megapixels = arguments.width * arguments.height * len(TIMES) / 1e6
     for number in range(arguments.rounds):
         printed = subprocess.run([timer, work / "list.txt", work / "film.csv", str(arguments.seconds)], check=True,
-                                 capture_output=True, text=True).stdout
+                                 stdout=subprocess.PIPE, text=True).stdout
         figures = json.loads(printed)
         theirs = cpu_rate(lambda: debevec.process(shots, times, response), megapixels)
         throughput.append({"round": number, **figures, "opencv_mpixel_exposures_per_cpu_s": theirs,
