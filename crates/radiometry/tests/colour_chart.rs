@@ -149,8 +149,8 @@ fn stored_for_a_display_noisy_and_unevenly_lit_the_chart_is_still_corrected() {
     for model in [Model::Matrix, Model::RootPolynomial] {
         let fit = ColourFit::new(&measured, &reference, model, false).unwrap();
         let (before, after, held_out) = mean(&fit);
-        // The light falls off by 14 % across the chart: 1.5 of ΔE₀₀ remain.
-        assert!(before > 4.0 && after < 2.0 && held_out < 2.8, "{}: {before} {after} {held_out}", model.name());
+        eprintln!("uneven light, {}: ΔE₀₀ before {before:.2}, after {after:.2}, held out {held_out:.2}", model.name());
+        assert!(before > 4.0 && after < 1.0 && held_out < 1.3, "{}: {before} {after} {held_out}", model.name());
     }
 }
 

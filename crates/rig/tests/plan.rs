@@ -141,13 +141,16 @@ fn what_a_description_names_is_found_from_the_capture_too() {
     let text = RIG
         .replace("manual", "simulated")
         .replace("watched-folder", "simulated")
-        .replace("height = 16", "height = 16\nresponse = \"curves/old \\\"one\\\".csv\"")
+        .replace("height = 16", "height = 16\nresponse = \"curves/old \\\"one\\\".csv\"\ncolour = \"chart.toml\"")
         + "\n[simulated]\nsamples = 2\nscene = \"scenes/../ball.toml\"   # a ball\nseed = 3\n";
     fs::write(folder.path().join("rig.toml"), text).unwrap();
     fs::create_dir_all(folder.path().join("curves")).unwrap();
     fs::create_dir_all(folder.path().join("scenes")).unwrap();
     let curve = "relative_exposure,red,green,blue\n0,0,0,0\n1,1,1,1\n";
     fs::write(folder.path().join("curves/old \"one\".csv"), curve).unwrap();
+    let colour =
+        "format = \"relumine-colour/1\"\nmodel = \"matrix\"\ncoefficients = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n";
+    fs::write(folder.path().join("chart.toml"), colour).unwrap();
     let capture = folder.path().join("capture");
     let rig = Rig::read(&folder.path().join("rig.toml")).unwrap();
     assert_eq!(rig.hands(), Hands::Simulated);
@@ -162,7 +165,11 @@ fn what_a_description_names_is_found_from_the_capture_too() {
     assert_eq!(again.simulated().unwrap().seed, 3);
     assert!(fs::read_to_string(capture.join("rig.toml")).unwrap().contains("# a ball"));
     assert_eq!(fs::read_to_string(capture.join("curves/old \"one\".csv")).unwrap(), curve);
+    assert_eq!(fs::read_to_string(capture.join("chart.toml")).unwrap(), colour);
+    assert_eq!(Capture::open(&capture).unwrap().setup().colour_name(), Some("chart.toml"));
     assert!(!capture.join("patterns").exists());
+    // What was laid out is nobody's work: it may be laid out again.
+    lay_out(&rig, &capture, true).unwrap();
 }
 
 #[test]

@@ -105,7 +105,8 @@ impl ColourFit {
                 reference.name()
             )));
         }
-        if let Some(bad) = samples.iter().find(|sample| !(luminance(sample.camera) > 0.0)) {
+        let is_lit = |sample: &Sample| luminance(sample.camera) > 0.0;
+        if let Some(bad) = samples.iter().find(|sample| !is_lit(sample)) {
             return Err(ColourError::Patches(format!(
                 "patch {} is black in the photograph: is the black level right, and do the corners lie on the chart?",
                 bad.name

@@ -139,7 +139,7 @@ fn rows<const N: usize>(rows: &[Vec<f64>]) -> Result<[[f64; N]; 3], String> {
     let rows: Vec<[f64; N]> =
         rows.iter().map(|row| row.as_slice().try_into()).collect::<Result<_, _>>().map_err(|_| shape())?;
     let rows: [[f64; N]; 3] = rows.try_into().map_err(|_| shape())?;
-    match rows.iter().flatten().find(|value| !(value.abs() <= LARGEST)) {
+    match rows.iter().flatten().find(|value| value.is_nan() || value.abs() > LARGEST) {
         Some(wrong) => Err(format!("coefficients: expected numbers between −{LARGEST} and {LARGEST}, found {wrong}")),
         None => Ok(rows),
     }
