@@ -177,7 +177,7 @@ fn ramp(
     })?;
     let found: LevelRamp = photographs.ramp(list, &entries, view)?;
     write_atomically(output, |out| out.write_all(found.csv().as_bytes()))?;
-    let [red, green, blue] = found.contrast.map(|contrast| contrast.round());
+    let [red, green, blue] = found.contrast.map(f64::round);
     talk.say(format!(
         "{} levels; the highest is {red}, {green}, {blue} times as bright as the lowest (R, G, B)",
         entries.len()

@@ -15,10 +15,7 @@ use sha2::{Digest, Sha256};
 use crate::noise::Shown;
 use crate::separation::Method;
 use crate::setup::CameraResponse;
-use crate::{
-    Capture, CaptureError, DevelopedPosition, PhotographRow, ReferencePatch, Scheme, Setup, ShownPattern,
-    recover_response,
-};
+use crate::{Capture, CaptureError, DevelopedPosition, PhotographRow, Scheme, Setup, ShownPattern, recover_response};
 
 /// Develops the positions of a capture, one at a time and in any order.
 pub struct Developer {
@@ -206,56 +203,6 @@ impl Developer {
             clipped,
             losses,
         }))
-    }
-
-    /// Divides the frames of a position by what the lamp shone over what it shone for the black frame, as the reference patch says;
-    /// comes back with the least and the most of that.
-    fn take_drift_out(
-        &self,
-        position: usize,
-        patch: ReferencePatch,
-        black: &Merged,
-        frames: &mut [Option<Vec<f32>>],
-        white: Option<&mut Vec<f32>>,
-    ) -> Result<(f64, f64), CaptureError> {
-        let setup = self.capture.setup();
-        let patterns = setup.scheme().lighting(setup.cells().squares());
-        let named =
-            patterns.into_iter().zip(frames.iter_mut()).filter_map(|(pattern, frame)| Some((pattern, frame.as_mut()?)));
-        let named = named.chain(white.map(|white| (ShownPattern::White, white)));
-        let (mut least, mut most) = (1.0f64, 1.0f64);
-        for (pattern, frame) in named {
-            let lamp = self.lamp(position, pattern, patch, frame, black)?;
-            (least, most) = (least.min(lamp), most.max(lamp));
-            frame.iter_mut().for_each(|value| *value /= lamp as f32);
-        }
-        Ok((least, most))
-    }
-
-    /// What the lamp shone under a pattern over what it shone under black.
-    fn lamp(
-        &self,
-        position: usize,
-        pattern: ShownPattern,
-        patch: ReferencePatch,
-        shown: &[f32],
-        black: &Merged,
-    ) -> Result<f64, CaptureError> {
-        let width = black.radiance.width();
-        let lamp = if patch.pixels(width).any(|pixel| black.visibility[pixel] == Visibility::Clipped) {
-            Err("the reference patch is clipped in every exposure of black: take a shorter one, or another patch"
-                .into())
-        } else {
-            patch.lamp(shown.as_chunks().0, &black.radiance)
-        };
-        lamp.map_err(|reason| {
-            let file =
-                self.capture.exposures(position, pattern).first().map(|row| row.file.clone()).unwrap_or_default();
-            CaptureError::Photograph {
-                path: self.capture.directory().join(file),
-                reason: format!("{pattern}: {reason}"),
-            }
-        })
     }
 
     /// The white frame, NaN where every exposure is clipped; not having one loses nothing.

@@ -38,7 +38,7 @@ fn told(capture: &Painted) -> Vec<(FindingKind, Severity, usize, String)> {
                 let exchanged = finding.kind == FindingKind::Swapped || finding.kind == FindingKind::Exposures;
                 assert!(exchanged || patterns.iter().any(of), "{finding}");
             }
-            assert!(patterns.is_empty() != finding.files.iter().next().is_some(), "{finding}");
+            assert_eq!(patterns.is_empty(), finding.files.is_empty(), "{finding}");
             (finding.kind, finding.severity, finding.position, patterns.join(" "))
         })
         .collect()

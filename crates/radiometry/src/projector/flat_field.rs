@@ -63,8 +63,7 @@ impl Card<'_> {
             (0..3).for_each(|channel| black[channel] += dark[channel]);
             flux.push((lit, white));
         }
-        let total = |of: &dyn Fn(&([f64; 3], [f64; 3])) -> f64| flux.iter().map(of).sum::<f64>();
-        let by_channel = [0, 1, 2].map(|channel| total(&|square| square.0[channel]));
+        let by_channel = [0, 1, 2].map(|channel| flux.iter().map(|(lit, _)| lit[channel]).sum::<f64>());
         // Each channel over its own mean, so that the projector's colour does not weigh.
         let relative: Vec<[f64; 3]> = flux
             .iter()
@@ -76,7 +75,7 @@ impl Card<'_> {
         // The squares around the axis: one or four.
         let middle = [(squares - 1) / 2, squares / 2];
         let axis = middle.iter().flat_map(|v| middle.map(|u| mean(&relative[v * squares + u]))).sum::<f64>() / 4.0;
-        let white: f64 = (0..3).map(|channel| total(&|square| square.1[channel])).sum();
+        let white: f64 = flux.iter().map(|(_, white)| white.iter().sum::<f64>()).sum();
         Ok(FlatField {
             square_flux: relative
                 .chunks(squares)

@@ -17,7 +17,7 @@ impl PatternView {
     /// If they are not the corners, in order, of a convex quadrilateral of at least a pixel.
     pub fn from_corners(corners: [[f64; 2]; 4]) -> Result<Self, ProjectorError> {
         let fail = |reason: &str| Err(ProjectorError::Corners(format!("{reason}, found {corners:?}")));
-        if corners.iter().flatten().any(|value| !(value.abs() < 1e6)) {
+        if corners.iter().flatten().any(|value| value.is_nan() || value.abs() > 1e6) {
             return fail("expected pixels");
         }
         let turn = |index: usize| {
