@@ -49,9 +49,9 @@ pub const THRESHOLD_SIGMAS: f32 = 3.0;
 /// What separation took from the light of the squares because of noise: sums over lanes and squares, to be added.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Removed {
-    /// All light.
+    /// All light of the squares as they are now.
     pub light: f64,
-    /// What lay below the threshold and was cut off.
+    /// What lay below the threshold and was cut off; negative if it was mostly the bias of minima.
     pub cut: f64,
     /// The bias of minima of noisy values that was subtracted: added to the light, since minima are too small.
     pub bias: f64,
@@ -69,7 +69,7 @@ impl Removed {
         self.spread += other.spread;
     }
 
-    /// One of the sums as a share of all light; `None` if there is none.
+    /// One of the sums over all light; `None` if there is none.
     pub fn share(&self, of: f64) -> Option<f64> {
         (self.light > 0.0).then(|| of / self.light)
     }

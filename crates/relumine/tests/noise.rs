@@ -113,19 +113,22 @@ fn the_noise_of_an_unknown_camera_is_measured_on_its_photographs() {
     let folder = tempfile::tempdir().unwrap();
     let (full_well, read, exposure) = SENSOR;
     let (dark, slope) = ((read / full_well / exposure).powi(2), 1.0 / full_well / exposure);
-    for (scheme, separation) in [("combs", Separation::Fitted), ("squares", Separation::Fitted)] {
-        let (_, reports) = developed(&photographed(folder.path(), scheme, true), separation, Encoding::Lossless);
-        for report in reports {
-            let noise = report.photograph_noise.unwrap();
+    for scheme in ["combs", "squares"] {
+        let capture = photographed(folder.path(), scheme, true);
+        let (_, reports) = developed(&capture, Separation::Fitted, Encoding::Lossless);
+        let (mut of_dark, mut of_light) = (0.0, 0.0);
+        for report in &reports {
+            let noise = report.photograph_noise.as_ref().unwrap();
             assert!(noise.is_measured && noise.has_white);
-            let bright = f64::from(noise.curve.at(0.5)) / (dark + 0.5 * slope);
-            assert!((bright - 1.0).abs() < 0.2, "{scheme}: {bright} of the variance at 0.5");
-            let of_dark = f64::from(noise.curve.dark()) / dark;
-            assert!((of_dark - 1.0).abs() < 0.2, "{scheme}: {of_dark} of the variance without light");
+            of_dark += f64::from(noise.curve.dark()) / dark / reports.len() as f64;
+            of_light += f64::from(noise.curve.at(0.5)) / (dark + 0.5 * slope) / reports.len() as f64;
             assert!(noise.black_from_white > 0.8, "the black frame is b times white here: {}", noise.black_from_white);
             // Nothing is wrong with these photographs.
             assert_eq!(report.disagreement, Some(0.0), "{scheme}");
         }
+        // A common camera would have a quarter of the variance without light, half of what light adds.
+        assert!((of_dark - 1.0).abs() < 0.2, "{scheme}: {of_dark} of the variance without light");
+        assert!((of_light - 1.0).abs() < 0.2, "{scheme}: {of_light} of the variance at 0.5");
     }
 }
 
@@ -170,7 +173,7 @@ fn the_fit_is_the_best_of_the_separations_of_combs_under_every_light() {
     }
     // The reports say what was removed, and the plain minimum is as dark as it must be.
     assert!(of[0].0[0].1 < 0.97, "the plain minimum: {}", of[0].0[0].1);
-    assert!(of[1].1.iter().all(|report| report.cut.is_some_and(|cut| cut.abs() < 0.5 && cut != 0.0)));
+    assert!(of[1].1.iter().all(|report| report.cut.is_some_and(|cut| cut.abs() < 1.0 && cut != 0.0)));
     assert!(of[2].1.iter().all(|report| report.bias_subtracted.is_some_and(|bias| bias > 0.0)));
     assert!(of[3].1.iter().all(|report| report.spread.is_some_and(|spread| spread.abs() < 0.1)));
     for (_, reports) in &of {

@@ -24,11 +24,11 @@ pub fn separate_thresholded(combs: &Combs, sigmas: f32, squares: &mut [f32]) -> 
     let mut removed = Removed::default();
     minimum_by(combs, squares, |_, row, column| {
         let value = row.min(column);
-        removed.light += f64::from(value);
         if value < threshold {
             removed.cut += f64::from(value);
             return 0.0;
         }
+        removed.light += f64::from(value);
         value
     });
     removed
@@ -50,7 +50,7 @@ pub fn separate_unbiased(combs: &Combs, squares: &mut [f32]) -> Removed {
         // Where the bias matters both see the same: the variance of the smaller follows noise least.
         let theta = combs.noise.as_ref().map_or(0.0, |noise| (2.0 * noise.of(lane, value)).sqrt());
         let bias = if theta > 0.0 { theta * bias_of_minimum((row - column) / theta) } else { 0.0 };
-        removed.light += f64::from(value);
+        removed.light += f64::from(value + bias);
         removed.bias += f64::from(bias);
         value + bias
     });
