@@ -1,15 +1,17 @@
 //! The fit: Gauss–Newton for the logarithms of the slopes of g, the radiance of every pixel eliminated, weights renewed.
 //!
 //! For each pixel the best ln E is the weighted mean of g(Zⱼ) − ln tⱼ, so what is minimised is a quadratic form of g alone.
-//! Weights are 1/variance of ln X: photon noise, read noise, rounding, and half a percent for what no model knows
-//! (shutters, lamps). They are taken at what the pixel's other exposures predict: weights by the noisy count itself would
+//! Weights are 1/variance of ln X: photon noise, read noise, rounding, and what the residuals show beyond these (film grain,
+//! JPEG, shutters, lamps). They are taken at what the pixel's other exposures predict: weights by the noisy count itself would
 //! prefer those that came out dark, and leaving out by count those that came out bright.
 
 use super::curve::Knots;
 use crate::NoiseModel;
 
-/// Standard deviation of ln X that no noise model explains.
-const UNEXPLAINED: f64 = 0.005;
+/// The least standard deviation of ln X beside the sensor's noise: no shutter is better.
+const LEAST_SHARE: f64 = 0.003;
+/// Observations that noise is judged by, about.
+const TOLD: usize = 4096;
 /// Rounds with weights by count, which need no curve yet.
 const FIRST_ROUNDS: usize = 8;
 /// Rounds until observations far from the others are left out rather than weighed less.
@@ -52,6 +54,10 @@ struct Observation {
     far: bool,
     residual: f64,
     deviation: f64,
+    /// Variance of ln X by the sensor's noise and rounding.
+    model: f64,
+    /// Change of ln X over one count.
+    one_count: f64,
 }
 
 impl Observation {
@@ -78,6 +84,8 @@ pub(super) fn fit(knots: &Knots, pixels: &[Vec<f64>], log_times: &[f64]) -> Fit 
                     far: false,
                     residual: 0.0,
                     deviation: 1.0,
+                    model: 1.0,
+                    one_count: 0.0,
                 }
             })
             .collect()
@@ -113,7 +121,6 @@ fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>], robust: bo
     let noise = NoiseModel::default();
     let shot = 1.0 / noise.full_well_electrons;
     let read = (noise.read_noise_electrons / noise.full_well_electrons).powi(2);
-    let mut ratios = Vec::new();
     for stack in stacks.iter_mut() {
         if log_radiance(stack, g).is_none() {
             // Where all but one were far, another curve may bring them back.
@@ -127,7 +134,19 @@ fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>], robust: bo
             let (_, slope) = knots.inverse(g, predicted);
             let rounding = (knots.one_count * slope).powi(2) / 12.0;
             let sensor = shot / exposure + read / (exposure * exposure);
-            let variance = sensor + rounding + UNEXPLAINED * UNEXPLAINED;
+            observation.model = sensor + rounding;
+            observation.one_count = knots.one_count * slope;
+        }
+    }
+    let unexplained = Unexplained::of(stacks, knots.one_count);
+    if std::env::var("T").is_ok() {
+        println!("{} {}", unexplained.counts, unexplained.share);
+    }
+    let mut ratios = Vec::new();
+    for stack in stacks.iter_mut() {
+        for observation in stack.iter_mut() {
+            let counts = unexplained.counts * observation.one_count;
+            let variance = observation.model + counts * counts + unexplained.share.powi(2);
             observation.weight = taper(observation.fraction, knots.one_count) / variance;
             observation.deviation = variance.sqrt();
         }
@@ -149,6 +168,50 @@ fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>], robust: bo
         observation.far = ratio.abs() >= 1.0;
         let near = if robust { (1.0 - ratio * ratio).max(0.0).powi(2) } else { (0.3 / ratio.abs()).min(1.0) };
         observation.weight *= near / (scale * scale);
+    }
+}
+
+/// What noise these photographs have beside the sensor's.
+#[derive(Clone, Copy)]
+struct Unexplained {
+    /// Standard deviation in counts: scanning, JPEG, a black that is none.
+    counts: f64,
+    /// Standard deviation of ln X: film grain, flicker, a camera that moved.
+    share: f64,
+}
+
+impl Unexplained {
+    /// The likeliest of a table, residuals being distributed as Student's t with four degrees of freedom: outliers weigh little.
+    fn of(stacks: &[Vec<Observation>], one_count: f64) -> Self {
+        let mut told: Vec<(f64, f64, f64)> = Vec::new();
+        for stack in stacks {
+            let weights: f64 = stack.iter().map(|observation| observation.weight).sum();
+            for observation in stack.iter().filter(|observation| taper(observation.fraction, one_count) > 0.5) {
+                // Of n observations n − 1 are free.
+                let free = (1.0 - observation.weight / weights).clamp(0.1, 1.0);
+                told.push((observation.residual.powi(2) / free, observation.model, observation.one_count.powi(2)));
+            }
+        }
+        let every = told.len().div_ceil(TOLD);
+        let cost = |noise: Self| {
+            let (counts, share) = (noise.counts.powi(2), noise.share.powi(2));
+            let cost = |(square, model, one_count): &(f64, f64, f64)| {
+                let variance = model + counts * one_count + share;
+                0.5 * variance.ln() + 2.5 * (square / (4.0 * variance)).ln_1p()
+            };
+            told.iter().step_by(every.max(1)).map(cost).sum::<f64>()
+        };
+        let mut best = (f64::INFINITY, Self { counts: 0.0, share: LEAST_SHARE });
+        for counts in [0.0, 0.5, 1.0, 2.0, 4.0, 8.0].map(|counts| counts * (one_count.recip() / 255.0).max(1.0)) {
+            for step in 0..14 {
+                let noise = Self { counts, share: LEAST_SHARE * 1.5f64.powi(step) };
+                let cost = cost(noise);
+                if cost < best.0 {
+                    best = (cost, noise);
+                }
+            }
+        }
+        best.1
     }
 }
 
