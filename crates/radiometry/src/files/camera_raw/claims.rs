@@ -1,11 +1,11 @@
-//! What a RAW file claims, before a decoder believes it: rawler allocates what the directories, the JPEG frames in strips and
-//! tiles, and the box of a CR3 say, and asked for 16 GB on a damaged file.
+//! What a RAW file claims, before a decoder believes it: rawler allocates what the tags of directories, the JPEG frames in
+//! strips and tiles, and the boxes of a CR3 say, and asked for 30 GB on a damaged file.
 //!
 //! A sample of a lossless JPEG takes at least a bit, whatever else is decoded at least 1/512 of a byte. So every claim is held
 //! against the length of the file, and a photograph against the largest that is read.
 
 use super::RawKind;
-use super::tiff_directories::{Directory, directories};
+use super::tiff_directories::{Directory, begins_like_tiff, directories};
 use crate::files::MAX_PIXELS;
 use crate::files::error::{Fault, check_size};
 
@@ -25,9 +25,21 @@ const LOSSLESS_SAMPLES_PER_BYTE: u64 = 8;
 /// Refuses a file that claims more than it can hold.
 pub(super) fn check(kind: RawKind, bytes: &[u8]) -> Result<(), Fault> {
     match kind {
-        RawKind::Cr3 => check_boxes(bytes),
-        _ => directories(bytes)?.iter().try_for_each(|directory| check_directory(directory, bytes)),
+        RawKind::Cr3 => check_cr3(bytes),
+        _ => check_directories(bytes),
     }
+}
+
+fn check_directories(bytes: &[u8]) -> Result<(), Fault> {
+    for directory in directories(bytes)? {
+        directory.check_lengths()?;
+        // Notes of a maker that are no directory are left to the decoder, which drops them.
+        if let Some(Ok(notes)) = directory.maker_notes() {
+            notes.check_lengths()?;
+        }
+        check_directory(&directory, bytes)?;
+    }
+    Ok(())
 }
 
 fn check_directory(directory: &Directory<'_>, bytes: &[u8]) -> Result<(), Fault> {
@@ -71,16 +83,62 @@ fn check_jpeg(bytes: &[u8]) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Every box CMP1 of a CR3: size of the picture and of its tiles.
+/// What stands in the outermost boxes of a CR3 beside the samples themselves (ISO/IEC 14496-12, §4.2).
+fn check_cr3(bytes: &[u8]) -> Result<(), Fault> {
+    let mut rest = bytes;
+    while let Some((size, name)) = rest.first_chunk::<4>().zip(rest.get(4..8)) {
+        let size = match u32::from_be_bytes(*size) as usize {
+            // To the end of the file.
+            0 => rest.len(),
+            // A size of 64 bits follows; only samples are so large.
+            1 => {
+                let large = rest.get(8..).and_then(|rest| rest.first_chunk::<8>()).ok_or_else(Fault::early_end)?;
+                usize::try_from(u64::from_be_bytes(*large)).unwrap_or(usize::MAX)
+            }
+            size => size,
+        };
+        let (content, after) = rest.split_at_checked(size.max(8)).unwrap_or((rest, &[]));
+        if name != b"mdat" {
+            check_boxes(content)?;
+        }
+        rest = after;
+    }
+    Ok(())
+}
+
+/// The boxes of a CR3 whose claims are allocated, wherever their names stand: size of the picture and of its tiles (CMP1),
+/// directories of tags (CMT1 … CMT4), numbers of samples.
 fn check_boxes(bytes: &[u8]) -> Result<(), Fault> {
-    for (at, _) in bytes.windows(4).enumerate().filter(|(_, name)| name == b"CMP1") {
-        let number = |index: usize| {
-            let value = bytes.get(at + 12 + 4 * index..)?.first_chunk::<4>()?;
+    for (at, name) in bytes.windows(4).enumerate() {
+        let number = |from_name: usize| {
+            let value = bytes.get(at + from_name..)?.first_chunk::<4>()?;
             Some(u64::from(u32::from_be_bytes(*value)))
         };
-        for (width, height) in [(0, 1), (2, 3)] {
-            let (Some(width), Some(height)) = (number(width), number(height)) else { return Err(Fault::early_end()) };
-            check_claim(width, height, 1, bytes.len(), SAMPLES_PER_BYTE)?;
+        let no_more_than_bytes = |claims: &[Option<u64>]| match claims.iter().flatten().max() {
+            Some(claim) if *claim > bytes.len() as u64 => Err(Fault::damaged(format!("a box claims {claim} entries"))),
+            _ => Ok(()),
+        };
+        match name {
+            b"CMP1" => {
+                for (width, height) in [(12, 16), (20, 24)] {
+                    let (Some(width), Some(height)) = (number(width), number(height)) else {
+                        return Err(Fault::early_end());
+                    };
+                    check_claim(width, height, 1, bytes.len(), SAMPLES_PER_BYTE)?;
+                }
+            }
+            b"CMT1" | b"CMT2" | b"CMT3" | b"CMT4" | b"CNOP" => {
+                let size = at.checked_sub(4).and_then(|at| bytes.get(at..)?.first_chunk::<4>());
+                no_more_than_bytes(&[size.map(|size| u32::from_be_bytes(*size).into())])?;
+                let tags = bytes.get(at + 4..).unwrap_or_default();
+                if begins_like_tiff(tags) {
+                    check_directories(tags)?;
+                }
+            }
+            b"stts" | b"stsc" | b"co64" => no_more_than_bytes(&[number(8)])?,
+            b"stsz" => no_more_than_bytes(&[number(12)])?,
+            b"CTMD" => no_more_than_bytes(&[number(12)])?,
+            _ => {}
         }
     }
     Ok(())

@@ -5,8 +5,8 @@ use crate::files::error::Fault;
 
 /// No photograph has more.
 const MOST_DIRECTORIES: usize = 64;
-/// Tags whose values are offsets of further directories: SubIFDs, EXIF.
-const NESTED: [u16; 2] = [0x014a, 0x8769];
+/// Tags whose values are offsets of further directories: SubIFDs, EXIF, GPS.
+const NESTED: [u16; 3] = [0x014a, 0x8769, 0x8825];
 
 /// One directory: the bytes of its entries, twelve each.
 pub(super) struct Directory<'a> {
@@ -24,11 +24,22 @@ pub(super) fn begins_like_tiff(bytes: &[u8]) -> bool {
     matches!(bytes.get(..4), Some(b"II\x2a\0" | b"MM\0\x2a"))
 }
 
-/// All directories, those of the file's own chain and those nested in them, the first one first.
+/// All directories, those of the file's own chain and those nested in them, the first one first. A chain that comes back to a
+/// directory of its own is an error: a decoder may follow it for ever.
 pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
     let file = Bytes { bytes, little_endian: bytes.starts_with(b"II") };
-    let mut waiting = vec![file.u32(4).ok_or_else(Fault::early_end)? as usize];
-    let (mut seen, mut found) = (Vec::new(), Vec::new());
+    let mut chain = Vec::new();
+    let mut next = file.u32(4).ok_or_else(Fault::early_end)? as usize;
+    while next != 0 {
+        if chain.contains(&next) || chain.len() == MOST_DIRECTORIES {
+            return Err(Fault::damaged("its directories run in a circle"));
+        }
+        chain.push(next);
+        // A last one may lack the offset of the next.
+        next = file.u32(next + 2 + Directory::at(file, next)?.entries.len()).unwrap_or(0) as usize;
+    }
+    let (mut waiting, mut seen, mut found) = (chain, Vec::new(), Vec::new());
+    waiting.reverse();
     while let Some(offset) = waiting.pop() {
         if offset == 0 || seen.contains(&offset) {
             continue;
@@ -37,11 +48,7 @@ pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
             return Err(Fault::damaged(format!("more than {MOST_DIRECTORIES} directories")));
         }
         seen.push(offset);
-        let count = usize::from(file.u16(offset).ok_or_else(Fault::early_end)?);
-        let entries = bytes.get(offset + 2..).and_then(|rest| rest.get(..12 * count)).ok_or_else(Fault::early_end)?;
-        let directory = Directory { file, entries };
-        // A last one may lack the offset of the next.
-        waiting.extend(file.u32(offset + 2 + 12 * count).map(|next| next as usize));
+        let directory = Directory::at(file, offset)?;
         let nested = NESTED.iter().flat_map(|tag| directory.numbers(*tag).take(MOST_DIRECTORIES));
         waiting.extend(nested.map(|offset| offset as usize));
         found.push(directory);
@@ -50,6 +57,46 @@ pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
 }
 
 impl<'a> Directory<'a> {
+    fn at(file: Bytes<'a>, offset: usize) -> Result<Self, Fault> {
+        let count = usize::from(file.u16(offset).ok_or_else(Fault::early_end)?);
+        let entries = file.bytes.get(offset + 2..).and_then(|rest| rest.get(..12 * count));
+        Ok(Self { file, entries: entries.ok_or_else(Fault::early_end)? })
+    }
+
+    /// The directory that a maker wrote into the EXIF, if this is the EXIF and the maker one whose notes are known: Canon's
+    /// begin with it, Sony's after twelve bytes of their name, Nikon's in a TIFF of its own after ten.
+    pub(super) fn maker_notes(&self) -> Option<Result<Self, Fault>> {
+        const MAKER_NOTE: u16 = 0x927c;
+        let entry = self.entry(MAKER_NOTE)?;
+        let start = self.file.number(4, &entry[8..12])? as usize;
+        let notes = self.file.bytes.get(start..)?;
+        if notes.starts_with(b"Nikon\0") {
+            let little_endian = notes.get(10..12)? == b"II";
+            return Some(Self::at(Bytes { bytes: self.file.bytes, little_endian }, start + 18));
+        }
+        let header = if notes.starts_with(b"SONY") { 12 } else { 0 };
+        Some(Self::at(self.file, start + header))
+    }
+
+    /// Refuses values that are longer than the file: a decoder may allocate them before it reads them.
+    pub(super) fn check_lengths(&self) -> Result<(), Fault> {
+        for entry in self.entries.chunks_exact(12) {
+            let (kind, count) = (self.file.number(3, &entry[2..4]), self.file.number(4, &entry[4..8]));
+            let (kind, count) = (kind.unwrap_or_default(), count.unwrap_or_default());
+            // Rationals and doubles take eight bytes; kinds that are not known count as bytes.
+            let size = match kind {
+                3 | 8 => 2,
+                4 | 9 | 11 | 13 => 4,
+                5 | 10 | 12 => 8,
+                _ => 1,
+            };
+            if count * size > self.file.bytes.len() as u64 {
+                return Err(Fault::damaged(format!("a tag with {count} values of {size} bytes in a smaller file")));
+            }
+        }
+        Ok(())
+    }
+
     pub(super) fn has(&self, tag: u16) -> bool {
         self.entry(tag).is_some()
     }

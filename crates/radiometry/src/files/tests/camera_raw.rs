@@ -124,7 +124,17 @@ fn claims_that_the_bytes_cannot_hold_are_refused_before_decoding() {
     let frame = [&[0xff, 0xd8, 0xff, 0xc3, 0, 11, 14, 0xea, 0x60, 0xea, 0x60, 2][..], &[0; 20]].concat();
     let strip = vec![(0x0103, Value::Shorts(vec![7])), (0x0111, Value::Offset(frame))];
     assert!(sized(20, 20, strip).contains("60000 × 60000"));
-    let cr3 = [&b"\0\0\0\x18ftypcrx "[..], &[0; 12], b"CMP1", &[0; 8], &[0, 0, 0xea, 0x60, 0, 0, 0xea, 0x60], &[0; 8]];
+    let circle = [b"II\x2a\0\x08\0\0\0\x01\0\x12\xc6\x01\0\x04\0\0\0\x01\x04\0\0".to_vec(), vec![8, 0, 0, 0]].concat();
+    let error = photograph(&circle).map(|_| ()).map_err(|error| error.to_string());
+    assert!(RawKind::of(&circle).is_none() && error.is_err(), "a circle of directories: {error:?}");
+    let cr3 = [
+        &b"\0\0\0\x18ftypcrx "[..],
+        &[0; 12],
+        b"\0\0\0\x24CMP1",
+        &[0; 8],
+        &[0, 0, 0xea, 0x60, 0, 0, 0xea, 0x60],
+        &[0; 8],
+    ];
     let error = photograph(&cr3.concat()).unwrap_err().to_string();
     assert!(error.contains("60000 × 60000"), "{error}");
 }
