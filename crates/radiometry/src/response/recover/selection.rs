@@ -4,10 +4,11 @@ use crate::{Counts, Image};
 
 /// Fewer pixels than this determine no curve.
 pub(super) const NEEDED: usize = 50;
-/// How many pixels of a channel are used at most.
-const WANTED: usize = 8192;
-/// Classes of brightness; each may give as many pixels as another.
+/// Classes of brightness.
 const CLASSES: usize = 64;
+/// Pixels that a class gives at most: rare brightnesses are not drowned, and common ones still tell most, since a curve has to
+/// suit the pixels that there are.
+const MOST_OF_A_CLASS: usize = 1024;
 /// The picture is divided in this many parts each way; of a class every part gives one pixel before one gives two.
 const PARTS: usize = 16;
 /// Pixels looked at in a picture of any size, about.
@@ -80,7 +81,7 @@ pub(super) fn choose(stack: &[(&Image<Counts>, f64)], channel: usize, black: f64
     let mut taken = [0; CLASSES];
     candidates.retain(|c| {
         taken[c.class] += 1;
-        taken[c.class] <= WANTED / CLASSES
+        taken[c.class] <= MOST_OF_A_CLASS
     });
     let pixels = candidates
         .iter()
