@@ -236,17 +236,18 @@ fn common_exposures(paths: &[PathBuf], exifs: &[ExifExposure]) -> Result<Vec<f64
     if exifs.iter().all(|exif| exif.settings().gain.is_some()) {
         return Ok(exifs.iter().map(|exif| exif.settings().relative()).collect());
     }
-    let values: [(&str, fn(&ExifExposure) -> Option<f64>); 2] =
-        [("sensitivity", |exif| exif.iso), ("f-number", |exif| exif.f_number)];
-    for (name, value) in values {
-        for (path, exif) in paths.iter().zip(exifs) {
-            if value(exif) != value(&exifs[0]) {
+    let first = &exifs[0];
+    for (path, exif) in paths.iter().zip(exifs) {
+        for (name, value, expected) in
+            [("sensitivity", exif.iso, first.iso), ("f-number", exif.f_number, first.f_number)]
+        {
+            if value != expected {
                 let said = |value: Option<f64>| value.map_or("none".to_owned(), |value| value.to_string());
                 let reason = format!(
                     "its {name} is {}, that of {} is {}: where they differ, every photograph must say sensitivity and f-number",
-                    said(value(exif)),
+                    said(value),
                     paths[0].display(),
-                    said(value(&exifs[0]))
+                    said(expected)
                 );
                 return Err(Error::Bracket { path: path.clone(), reason });
             }
