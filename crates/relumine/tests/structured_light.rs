@@ -72,6 +72,7 @@ impl Stripes {
             rows: vec![Some(&row)],
             columns: vec![Some(&column)],
             white: Some(&white),
+            noise: None,
             lanes: lit.len(),
         };
         let mut square = vec![0.0; lit.len()];
