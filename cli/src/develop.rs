@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use relumine::radiometry::ChannelFit;
 use relumine::{DevelopOptions, Development, Encoding, PositionOutcome, Separation};
 
 use crate::failure::Failure;
@@ -75,6 +76,9 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     };
     let mut development = Development::start(&arguments.capture, &arguments.output, &options)?;
     development.remarks().iter().for_each(|remark| talk.say(remark.to_string()));
+    if let Some(fits) = development.recovered() {
+        say_recovered(fits, talk);
+    }
     let mut outcomes = development.already_done().to_vec();
     if !outcomes.is_empty() {
         talk.say(format!("going on: {} of {} positions are done", outcomes.len(), development.positions()));
@@ -108,6 +112,18 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         arguments.output.display()
     ))
     .with_hint("the field can be relit; `relumine inspect` lists every loss"))
+}
+
+/// How well the photographs agree with the response that they told, for all of the development.
+fn say_recovered(fits: &[ChannelFit; 3], talk: &Talk) {
+    let each = |value: &dyn Fn(&ChannelFit) -> String| fits.each_ref().map(value).join(", ");
+    talk.say(format!(
+        "response recovered from the capture's exposures (red, green, blue): {} pixels, residual of exposure {} % rms, codes \
+         seen {} % of the range",
+        each(&|fit| fit.pixels.to_string()),
+        each(&|fit| format!("{:.2}", 100.0 * fit.rms_log_exposure)),
+        each(&|fit| format!("{:.0} to {:.0}", 100.0 * fit.seen.0, 100.0 * fit.seen.1)),
+    ));
 }
 
 /// Photographs of the same light that disagree by more than this share, beyond their noise, contradict each other.

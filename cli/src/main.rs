@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong usage, 3 the input is damaged or incomplete.
 
+mod calibrate;
 mod capture;
 mod compare;
 mod demo;
@@ -63,6 +64,7 @@ enum Verb {
     Merge(merge::Arguments),
     Compare(compare::Arguments),
     Inspect(inspect::Arguments),
+    Calibrate(calibrate::Arguments),
     Pack(pack::Arguments),
 }
 
@@ -84,6 +86,7 @@ fn main() -> ExitCode {
         Verb::Merge(arguments) => merge::run(&arguments, &talk),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Inspect(arguments) => inspect::run(&arguments, &talk),
+        Verb::Calibrate(arguments) => calibrate::run(&arguments, &talk),
         Verb::Pack(arguments) => pack::run(&arguments, &talk),
     };
     match done {

@@ -30,15 +30,19 @@ pub(crate) struct Arguments {
     /// The list has 1/seconds
     #[arg(long, requires = "list")]
     reciprocal: bool,
-    /// How counts follow exposure: `recover` from the photographs themselves, `srgb`, `linear`, or a response file
-    #[arg(long, default_value = "recover", value_name = "recover|srgb|linear|FILE")]
-    response: String,
-    /// Counts without light [default: 0]
+    /// How counts follow exposure: `recover` from the photographs themselves, `srgb`, `linear`, or a response file [default:
+    /// linear for camera RAW, else recover]
+    #[arg(long, value_name = "recover|srgb|linear|FILE")]
+    response: Option<String>,
+    /// Counts without light [default: what a camera RAW says, else 0]
     #[arg(long, value_name = "COUNTS")]
     black_level: Option<u16>,
-    /// Counts at which a pixel is clipped [default: 255 or 65535]
+    /// Counts at which a pixel is clipped [default: what a camera RAW says, else 255 or 65535]
     #[arg(long, value_name = "COUNTS")]
     white_level: Option<u16>,
+    /// Multiply red and blue with what a camera RAW says would make grey grey
+    #[arg(long)]
+    camera_white_balance: bool,
     /// Measure the ratios of the exposures in the photographs, since 1/60 s may be 1/64 s
     #[arg(long)]
     refine_exposures: bool,
@@ -62,13 +66,15 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     check_outputs(arguments)?;
     let noise = noise(arguments)?;
-    let response = response(&arguments.response)?;
     let levels = Levels { black: arguments.black_level, white: arguments.white_level };
     let bracket = match &arguments.list {
         Some(list) => Bracket::read_list(&ExposureList::read(list, arguments.reciprocal)?, levels)?,
         None => Bracket::read(&arguments.pictures, levels)?,
     };
-    let result = bracket.merge(&response, noise, arguments.refine_exposures)?;
+    let response = response_of(arguments.response.as_deref(), &bracket)?;
+    let balance = balance(arguments, &bracket)?;
+    let mut result = bracket.merge(&response, noise, arguments.refine_exposures)?;
+    apply(balance, &mut result.merged);
     say(&bracket, &result, talk);
     write(arguments, &result.merged)?;
     let unseen = result.merged.visibility.iter().all(|visibility| *visibility != Visibility::Seen);
@@ -117,8 +123,9 @@ fn noise(arguments: &Arguments) -> Result<NoiseModel, Failure> {
     Ok(NoiseModel { full_well_electrons, read_noise_electrons })
 }
 
-fn response(name: &str) -> Result<BracketResponse, Failure> {
-    Ok(match name {
+fn response_of(name: Option<&str>, bracket: &Bracket) -> Result<BracketResponse, Failure> {
+    let unsaid = if bracket.is_raw { "linear" } else { "recover" };
+    Ok(match name.unwrap_or(unsaid) {
         "recover" => BracketResponse::Recover,
         "srgb" => BracketResponse::Known(Response::Srgb),
         "linear" => BracketResponse::Known(Response::Linear),
@@ -128,10 +135,34 @@ fn response(name: &str) -> Result<BracketResponse, Failure> {
                 Failure::failed(error.to_string())
                     .with_hint("--response takes recover, srgb, linear or a response file")
             })?;
-            let curve = ResponseCurve::parse(path, &text).map_err(|error| Failure::incomplete(error.to_string()))?;
+            let curve = ResponseCurve::parse(path, &text).map_err(|error| {
+                Failure::incomplete(error.to_string()).with_hint("FORMAT.md describes response files")
+            })?;
             BracketResponse::Known(Response::Curve(curve))
         }
     })
+}
+
+fn balance(arguments: &Arguments, bracket: &Bracket) -> Result<Option<[f32; 3]>, Failure> {
+    match (arguments.camera_white_balance, bracket.white_balance) {
+        (false, _) => Ok(None),
+        (true, Some(factors)) => Ok(Some(factors.map(|factor| factor as f32))),
+        (true, None) => Err(Failure::failed(format!(
+            "{}: a camera RAW that says its white balance was expected",
+            bracket.photographs[0].file.display()
+        ))
+        .with_hint("leave out --camera-white-balance")),
+    }
+}
+
+fn apply(balance: Option<[f32; 3]>, merged: &mut Merged) {
+    let Some(factors) = balance else { return };
+    for pixel in merged.radiance.pixels_mut() {
+        (0..3).for_each(|channel| pixel[channel] *= factors[channel]);
+    }
+    for pixel in &mut merged.variance {
+        (0..3).for_each(|channel| pixel[channel] *= factors[channel] * factors[channel]);
+    }
 }
 
 fn say(bracket: &Bracket, result: &MergedBracket, talk: &Talk) {

@@ -5,17 +5,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use relumine_radiometry::files::{self, Picture};
+use relumine_radiometry::files::{self, Photograph, Picture};
 use relumine_radiometry::{
-    Counts, Image, Linear, Linearization, Merged, NoiseModel, NoiseSamples, Radiance, Visibility, merge_counts,
-    merge_linear,
+    Counts, Image, Linear, Linearization, Merged, NoiseModel, NoiseSamples, Radiance, Response, Visibility,
+    merge_counts, merge_linear,
 };
 use sha2::{Digest, Sha256};
 
 use crate::noise::Shown;
 use crate::separation::Method;
 use crate::setup::CameraResponse;
-use crate::{Capture, CaptureError, DevelopedPosition, PhotographRow, Scheme, ShownPattern};
+use crate::{Capture, CaptureError, DevelopedPosition, PhotographRow, Scheme, Setup, ShownPattern, recover_response};
 
 /// Develops the positions of a capture, one at a time and in any order.
 pub struct Developer {
@@ -46,27 +46,36 @@ impl fmt::Display for Loss {
 }
 
 impl Developer {
-    /// Prepares to develop `capture`. `black_level` is the projector's b; `None` measures it at each position.
+    /// Prepares to develop `capture`. `black_level` is the projector's b; `None` measures it at each position. Where the response
+    /// is to be recovered, it is, from the capture's own exposures.
     ///
     /// # Errors
-    /// If the camera's response is not known.
+    /// If the response cannot be recovered, or the black level cannot be.
     pub fn new(capture: Capture, method: Method, black_level: Option<f64>) -> Result<Self, CaptureError> {
-        let fail = |reason: String| Err(CaptureError::Setup { path: capture.directory().join("capture.toml"), reason });
-        if let Some(b) = black_level
-            && !(0.0..1.0).contains(&b)
-        {
-            return fail(format!("the projector's black level must be at least 0 and below 1, but is {b}"));
-        }
-        let linearization = match capture.setup().response() {
-            CameraResponse::Known(_) => capture.setup().linearization(),
-            CameraResponse::Recover => None,
+        check_black_level(&capture, black_level)?;
+        let response = match capture.setup().response() {
+            CameraResponse::Known(response) => response.clone(),
+            CameraResponse::Recover => recover_response(&capture)?.response,
         };
-        match linearization {
-            Some(linearization) => Ok(Self { capture, linearization, method, black_level }),
-            None => fail(
-                "camera: response = \"recover\" is not built yet; give \"linear\", \"srgb\" or a response file".into(),
-            ),
-        }
+        let (black_counts, white_counts) = capture.setup().levels();
+        let linearization = Linearization::new(&response, black_counts, white_counts);
+        Ok(Self { capture, linearization, method, black_level })
+    }
+
+    /// As [`Developer::new`] where `capture.toml` says `response = "recover"`, with the curve that was recovered before.
+    ///
+    /// # Errors
+    /// If the black level cannot be.
+    pub fn with_recovered(
+        capture: Capture,
+        method: Method,
+        black_level: Option<f64>,
+        response: &Response,
+    ) -> Result<Self, CaptureError> {
+        check_black_level(&capture, black_level)?;
+        let (black_counts, white_counts) = capture.setup().levels();
+        let linearization = Linearization::new(response, black_counts, white_counts);
+        Ok(Self { capture, linearization, method, black_level })
     }
 
     /// The capture under development.
@@ -213,7 +222,7 @@ impl Developer {
         let mut linear: Vec<(Image<Linear>, f64)> = Vec::new();
         let mut reasons = Vec::new();
         for row in rows {
-            match self.photograph(row)? {
+            match Self::read(&self.capture, row)? {
                 Ok(Picture::Integer { image, .. }) => counts.push((image, row.exposure.relative())),
                 Ok(Picture::Float(image)) => linear.push((image, row.exposure.relative())),
                 Err(reason) => reasons.push(reason),
@@ -237,8 +246,8 @@ impl Developer {
     }
 
     /// One photograph: `Ok(Err(reason))` if this file is lost, `Err` if it contradicts the set-up.
-    fn photograph(&self, row: &PhotographRow) -> Result<Result<Picture, String>, CaptureError> {
-        let path = self.capture.directory().join(&row.file);
+    pub(crate) fn read(capture: &Capture, row: &PhotographRow) -> Result<Result<Picture, String>, CaptureError> {
+        let path = capture.directory().join(&row.file);
         let bytes = match fs::read(&path) {
             Ok(bytes) => bytes,
             Err(error) => return Ok(Err(format!("cannot read {}: {error}", path.display()))),
@@ -248,19 +257,46 @@ impl Developer {
         {
             return Ok(Err(format!("{}: the file has changed: its SHA-256 is not the listed one", path.display())));
         }
-        match files::decode_picture(&path, &bytes) {
-            Ok(picture) => {
-                self.check(&path, &picture)?;
+        match files::decode_photograph(&path, &bytes) {
+            Ok(photograph) => {
+                let picture = Self::picture(capture.setup(), &path, photograph)?;
+                let fail = |reason| CaptureError::Photograph { path: path.clone(), reason };
+                capture.setup().check_picture(&picture).map_err(fail)?;
                 Ok(Ok(picture))
             }
             Err(error) => Ok(Err(error.to_string())),
         }
     }
 
-    /// Holds a picture against what the set-up promises.
-    fn check(&self, path: &Path, picture: &Picture) -> Result<(), CaptureError> {
-        let fail = |reason| CaptureError::Photograph { path: PathBuf::from(path), reason };
-        self.capture.setup().check_picture(picture).map_err(fail)
+    /// The picture of a photograph; the levels that a camera's RAW says must be those of the set-up.
+    fn picture(setup: &Setup, path: &Path, photograph: Photograph) -> Result<Picture, CaptureError> {
+        let raw = match photograph {
+            Photograph::Picture(picture) => return Ok(picture),
+            Photograph::Raw(raw) => raw,
+        };
+        let (black, white) = setup.levels();
+        let said = raw.levels;
+        if (said.black, said.white) != (black, white) || setup.response_name() != "linear" {
+            let reason = format!(
+                "a camera RAW with black_level = {}, white_level = {} and response = \"linear\", but capture.toml says \
+                 {black}, {white} and \"{}\"",
+                said.black,
+                said.white,
+                setup.response_name()
+            );
+            return Err(CaptureError::Photograph { path: PathBuf::from(path), reason });
+        }
+        Ok(Picture::Integer { image: raw.image, bits: 16 })
+    }
+}
+
+fn check_black_level(capture: &Capture, black_level: Option<f64>) -> Result<(), CaptureError> {
+    match black_level.filter(|b| !(0.0..1.0).contains(b)) {
+        Some(b) => Err(CaptureError::Setup {
+            path: capture.directory().join("capture.toml"),
+            reason: format!("the projector's black level must be at least 0 and below 1, but is {b}"),
+        }),
+        None => Ok(()),
     }
 }
 

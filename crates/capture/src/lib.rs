@@ -13,6 +13,7 @@ mod error;
 mod noise;
 mod pattern;
 mod photographs;
+mod recovered;
 pub mod separation;
 mod setup;
 
@@ -23,4 +24,5 @@ pub use error::CaptureError;
 pub use noise::PositionNoise;
 pub use pattern::{Scheme, ShownPattern};
 pub use photographs::{PhotographRow, Photographs, csv_fields, csv_header};
+pub use recovered::recover_response;
 pub use setup::{CameraResponse, Setup};

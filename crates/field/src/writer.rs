@@ -23,6 +23,9 @@ use crate::{Blocks, Extent, FieldError, Header, Packing, PositionRecord, manifes
 /// What an old field is called while a new one takes its name.
 const REPLACED: &str = ".replaced";
 
+/// What a job found out when it began, beside its unfinished field.
+const KEPT: &str = "kept.json";
+
 /// Writes one field. Positions may be written from several threads at once, each position by one.
 pub struct FieldWriter {
     path: PathBuf,
@@ -89,6 +92,7 @@ impl FieldWriter {
             };
             gone(fs::remove_file(partial.join("journal")))?;
             gone(fs::remove_file(&input_file))?;
+            gone(fs::remove_file(partial.join(KEPT)))?;
             gone(fs::remove_dir_all(&field))?;
             gone(fs::remove_dir_all(partial.join("sketches")))?;
         }
@@ -114,6 +118,29 @@ impl FieldWriter {
             partial,
             _lock: lock,
         })
+    }
+
+    /// What an unfinished field at `path` keeps of the job with this `input` ([`FieldWriter::keep`]); `None` if it keeps
+    /// nothing, or of another job.
+    pub fn kept(path: &Path, input: &str) -> Option<serde_json::Value> {
+        let text = fs::read_to_string(beside(path, ".partial").join(KEPT)).ok()?;
+        let (of, value) = serde_json::from_str::<(String, serde_json::Value)>(&text).ok()?;
+        (of == input).then_some(value)
+    }
+
+    /// Keeps a value that was found out when the job began, under `key` of the field's `made`: whoever goes on with the job finds
+    /// it with [`FieldWriter::kept`] and gives it here again.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn keep(&mut self, input: &str, key: &str, value: serde_json::Value) -> Result<(), FieldError> {
+        let path = self.partial.join(KEPT);
+        let text = json!([input, value]).to_string();
+        if fs::read_to_string(&path).ok().as_deref() != Some(&text) {
+            write_atomically(&path, |file| file.write_all(text.as_bytes()))?;
+        }
+        self.header.made[key] = value;
+        Ok(())
     }
 
     /// How the pictures are cut.

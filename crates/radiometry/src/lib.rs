@@ -26,5 +26,5 @@ pub use merge::{
 pub use noise::{NoiseCurve, NoiseSamples};
 pub use response::{
     ChannelFit, Linearization, RecoveredResponse, RecoveryError, Response, ResponseCurve, ResponseError,
-    recover_response,
+    recover_response, response_plot,
 };

@@ -13,7 +13,7 @@
 //!   is brighter than the shorter exposures say by more than two standard deviations of the difference.
 //! - Code 0 may be anything below: it enters only where no exposure saw more.
 //!
-//! The plain version is in `plain.rs`; `fast.rs` merges the pixels at which nothing of this has to be asked, from tables.
+//! The plain version is in `plain.rs`, the fast one, from tables, in `fast.rs`.
 
 mod fast;
 mod plain;

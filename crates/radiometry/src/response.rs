@@ -3,10 +3,11 @@
 //! A camera gives the fraction f(X) of its code range at the relative exposure X, where 1 is clipping. f is linear, the
 //! sRGB curve, a curve read from a response file, or one recovered from exposures ([`recover_response`]).
 
+mod curve_file;
+mod plot;
 mod recover;
 
-use std::path::Path;
-
+pub use plot::response_plot;
 pub use recover::{ChannelFit, RecoveredResponse, RecoveryError, recover_response};
 
 use crate::display::srgb_decode;
@@ -39,64 +40,26 @@ pub struct ResponseError {
 }
 
 impl ResponseCurve {
-    /// The header of a response file.
-    pub const HEADER: &'static str = "relative_exposure,red,green,blue";
-
-    /// Reads the text of a response file; `path` is for messages.
-    ///
-    /// # Errors
-    /// If the header is another, a row is not four finite numbers, exposures do not grow, or a channel falls.
-    pub fn parse(path: &Path, text: &str) -> Result<Self, ResponseError> {
-        let fail = |line: usize, reason: String| ResponseError { path: path.display().to_string(), line, reason };
-        let mut lines = text.lines().enumerate();
-        let header = lines.next().map(|(_, line)| line.trim().trim_start_matches('\u{feff}')).unwrap_or_default();
-        if header != Self::HEADER {
-            return Err(fail(1, format!("expected the header \"{}\", found \"{header}\"", Self::HEADER)));
+    /// The curve through strictly rising exposures of each channel and their fractions: rows stand at the exposures of all
+    /// channels, so nothing is lost.
+    fn from_channels(channels: &[(Vec<f64>, Vec<f64>); 3]) -> Result<Self, &'static str> {
+        if channels.iter().any(|(exposures, _)| exposures.len() < 2) {
+            return Err("a response that does not rise tells nothing about exposure");
         }
-        let mut curve = Self { exposures: Vec::new(), fractions: Default::default() };
-        for (index, line) in lines {
-            if line.trim().is_empty() {
-                continue;
-            }
-            let numbers: Vec<f64> = line
-                .split(',')
-                .map(|field| field.trim().parse::<f64>().ok().filter(|number| number.is_finite()))
-                .collect::<Option<_>>()
-                .ok_or_else(|| fail(index + 1, format!("expected four numbers, found \"{line}\"")))?;
-            let [exposure, fractions @ ..] = numbers.as_slice() else { continue };
-            if fractions.len() != 3 {
-                return Err(fail(index + 1, format!("expected four numbers, found {}", numbers.len())));
-            }
-            if curve.exposures.last().is_some_and(|last| last >= exposure) {
-                return Err(fail(index + 1, "relative_exposure must grow from row to row".into()));
-            }
-            for (channel, fraction) in curve.fractions.iter_mut().zip(fractions) {
-                if channel.last().is_some_and(|last| last > fraction) {
-                    return Err(fail(index + 1, "a response must not fall as the exposure grows".into()));
-                }
-                channel.push(*fraction);
-            }
-            curve.exposures.push(*exposure);
-        }
-        if curve.exposures.len() < 2 {
-            return Err(fail(1, "a response needs at least two rows".into()));
-        }
-        if curve.fractions.iter().any(|channel| channel.first() == channel.last()) {
-            return Err(fail(2, "a response that does not rise tells nothing about exposure".into()));
-        }
-        Ok(curve)
-    }
-
-    /// The curve through rising exposures of each channel at common fractions, both from 0 to 1: rows stand at the exposures
-    /// of all channels, so nothing is lost.
-    fn from_channels(exposures: &[Vec<f64>; 3], fractions: &[f64]) -> Self {
-        let mut rows: Vec<f64> = exposures.iter().flatten().copied().collect();
+        let mut rows: Vec<f64> = channels.iter().flat_map(|(exposures, _)| exposures).copied().collect();
         rows.sort_by(f64::total_cmp);
         rows.dedup();
         let fractions = std::array::from_fn(|channel| {
-            rows.iter().map(|row| interpolate(&exposures[channel], fractions, *row)).collect()
+            let (exposures, fractions) = &channels[channel];
+            // Rounding in the interpolation must not make a step down.
+            let mut highest = f64::NEG_INFINITY;
+            let at = |row: &f64| {
+                highest = interpolate(exposures, fractions, *row).max(highest);
+                highest
+            };
+            rows.iter().map(at).collect()
         });
-        Self { exposures: rows, fractions }
+        Ok(Self { exposures: rows, fractions })
     }
 
     /// f(X) for one channel.
@@ -202,6 +165,8 @@ impl Linearization {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
     fn s_curve() -> ResponseCurve {

@@ -19,12 +19,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Err("usage: time_merge LIST RESPONSE.csv [SECONDS]".into());
     };
     let seconds: f64 = rest.first().map_or(Ok(4.0), |text| text.parse())?;
+    rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
     let bracket = Bracket::read_list(&ExposureList::read(Path::new(list), false)?, Levels::default())?;
     let curve = ResponseCurve::parse(Path::new(response), &read_text(Path::new(response))?)?;
     let camera = Linearization::new(&Response::Curve(curve), bracket.black_level, bracket.white_level);
     let exposed = bracket.exposed();
     let megapixels = exposed[0].0.pixels().len() as f64 * exposed.len() as f64 / 1e6;
-    rayon::ThreadPoolBuilder::new().num_threads(1).build_global()?;
     let rate = |merge: Merge| -> Result<f64, Box<dyn std::error::Error>> {
         black_box(merge(&exposed, &camera, NoiseModel::default()));
         let (started, cpu, mut rounds) = (Instant::now(), cpu_seconds()?, 0);

@@ -2,11 +2,12 @@
 
 use relumine_basis::{Cell, Cells, Coefficients};
 use relumine_capture::separation::Method;
-use relumine_capture::{Capture, Developer, Scheme};
+use relumine_capture::{CameraResponse, Capture, Developer, Scheme};
 use relumine_field::ReflectanceField;
 use relumine_radiometry::{Difference, difference};
 use relumine_relight::{RelightError, Relighting};
 
+use crate::kept_response::KeptResponse;
 use crate::{DevelopedReport, Error};
 
 /// A light to hold fields against each other under.
@@ -100,7 +101,13 @@ pub fn differences_from_photographs(
     capture: Capture,
     count: usize,
 ) -> Result<Vec<(String, Option<Difference>)>, Error> {
-    let developer = Developer::new(capture, Method::default(), None)?;
+    // The curve that the field was developed with, if it was recovered.
+    let developer = match (capture.setup().response(), KeptResponse::of_field(field)) {
+        (CameraResponse::Recover, Some(kept)) => {
+            Developer::with_recovered(capture, Method::default(), None, &kept.response)?
+        }
+        _ => Developer::new(capture, Method::default(), None)?,
+    };
     let setup = developer.capture().setup();
     let shape = |cells: &Cells, (width, height): (usize, usize)| {
         format!(

@@ -5,7 +5,7 @@ mod list;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use relumine_radiometry::files::{self, ExifExposure, Picture};
+use relumine_radiometry::files::{self, ExifExposure, Photograph, Picture, RawLevels};
 use relumine_radiometry::{
     Counts, Image, Linearization, Merged, NoiseModel, RecoveredResponse, RefinedExposures, Response, merge_counts,
     recover_response, refine_exposures,
@@ -34,14 +34,18 @@ pub struct Bracket {
     pub black_level: u16,
     /// Counts at which a pixel is clipped.
     pub white_level: u16,
+    /// Whether the photographs are camera RAW: their counts are linear.
+    pub is_raw: bool,
+    /// Factors of red, green and blue that the camera's RAW says would make grey grey; not applied. Of the first photograph.
+    pub white_balance: Option<[f64; 3]>,
 }
 
 /// Which counts mean darkness and clipping, where the pictures do not say or say it wrong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Levels {
-    /// Counts without light; `None`: 0.
+    /// Counts without light; `None`: what a camera's RAW says, else 0.
     pub black: Option<u16>,
-    /// Counts at which a pixel is clipped; `None`: the largest of 8 or 16 bits.
+    /// Counts at which a pixel is clipped; `None`: what a camera's RAW says, else the largest of 8 or 16 bits.
     pub white: Option<u16>,
 }
 
@@ -75,10 +79,28 @@ impl Bracket {
     /// If a file cannot be read, does not say its exposure, or the photographs are no bracket.
     pub fn read(paths: &[PathBuf], levels: Levels) -> Result<Self, Error> {
         check_number(Path::new("the photographs"), paths.len())?;
+        if let Some(twice) = (1..paths.len()).find(|index| paths[..*index].contains(&paths[*index])) {
+            return Err(Error::Bracket { path: paths[twice].clone(), reason: "is given twice".into() });
+        }
         let exifs: Vec<ExifExposure> =
             paths.iter().map(|path| files::read_exif_exposure(path)).collect::<Result<_, _>>()?;
         let exposures = common_exposures(paths, &exifs)?;
         Self::of_files(paths.iter().cloned().zip(exposures).collect(), levels)
+    }
+
+    /// Reads photographs whose exposures are given, in their order.
+    ///
+    /// # Errors
+    /// If there is not one positive exposure a photograph, a file cannot be read, or the photographs are no bracket.
+    pub fn read_exposed(paths: &[PathBuf], exposures: &[f64], levels: Levels) -> Result<Self, Error> {
+        check_number(Path::new("the photographs"), paths.len())?;
+        let positive = exposures.iter().all(|exposure| exposure.is_finite() && *exposure > 0.0);
+        if exposures.len() != paths.len() || !positive {
+            let reason =
+                format!("{} positive exposures were expected, one a photograph, found {exposures:?}", paths.len());
+            return Err(Error::Bracket { path: paths[0].clone(), reason });
+        }
+        Self::of_files(paths.iter().cloned().zip(exposures.iter().copied()).collect(), levels)
     }
 
     /// Reads the photographs of an exposure list.
@@ -96,35 +118,30 @@ impl Bracket {
             let reason = format!("every photograph has the same exposure ({first}): two different ones are needed");
             return Err(Error::Bracket { path: listed[0].0.clone(), reason });
         }
-        let pictures: Vec<_> = listed.par_iter().map(|(path, _)| files::read_picture(path)).collect();
+        let pictures: Vec<_> = listed.par_iter().map(|(path, _)| files::read_photograph(path)).collect();
         let (mut photographs, mut common) = (Vec::with_capacity(listed.len()), None);
         for ((file, exposure), picture) in listed.into_iter().zip(pictures) {
-            let picture = picture?;
-            let described = picture.describe();
-            let wrong = |reason: String| Error::Bracket { path: file.clone(), reason };
-            let Picture::Integer { image, bits } = picture else {
-                return Err(wrong(format!(
-                    "a photograph with counts of 8 or 16 bits was expected, found a {described}"
-                )));
-            };
-            let (first, first_file) = common.get_or_insert_with(|| ((bits, image.size()), file.clone()));
-            if *first != (bits, image.size()) {
-                let (bits, (width, height)) = first;
+            let (image, kind) = counts(&file, picture?)?;
+            let (first, first_file): &(Kind, PathBuf) = common.get_or_insert_with(|| (kind.clone(), file.clone()));
+            if !first.is_like(&kind) {
                 let beside = first_file.display();
-                let expected = format!("a {bits}-bit picture of {width} × {height} was expected, as {beside} is");
-                return Err(wrong(format!("{expected}, found a {described}")));
+                let reason = format!("{} was expected, as {beside} is, found {}", first.describe(), kind.describe());
+                return Err(Error::Bracket { path: file, reason });
             }
             photographs.push(BracketPhotograph { file, exposure, image });
         }
-        let largest = if common.is_some_and(|((bits, _), _)| bits > 8) { u16::MAX } else { u8::MAX.into() };
-        let (black_level, white_level) = (levels.black.unwrap_or(0), levels.white.unwrap_or(largest));
+        let Some((kind, first_file)) = common else { unreachable!("a bracket has photographs") };
+        let largest = if kind.bits > 8 { u16::MAX } else { u8::MAX.into() };
+        let said = kind.levels.unwrap_or(RawLevels { black: 0, white: largest });
+        let (black_level, white_level) = (levels.black.unwrap_or(said.black), levels.white.unwrap_or(said.white));
         if black_level >= white_level || white_level > largest {
             let reason = format!(
                 "the black level ({black_level}) must be below the white level ({white_level}), and that at most {largest}"
             );
-            return Err(Error::Bracket { path: photographs[0].file.clone(), reason });
+            return Err(Error::Bracket { path: first_file, reason });
         }
-        Ok(Self { photographs, black_level, white_level })
+        let (is_raw, white_balance) = (kind.levels.is_some(), kind.white_balance);
+        Ok(Self { photographs, black_level, white_level, is_raw, white_balance })
     }
 
     /// Each photograph with its exposure.
@@ -162,6 +179,49 @@ impl Bracket {
     }
 }
 
+/// What the photographs of a bracket have in common.
+#[derive(Clone)]
+struct Kind {
+    bits: u8,
+    size: (usize, usize),
+    levels: Option<RawLevels>,
+    white_balance: Option<[f64; 3]>,
+}
+
+impl Kind {
+    /// White balance may drift from photograph to photograph: it is not applied.
+    fn is_like(&self, other: &Self) -> bool {
+        (self.bits, self.size, self.levels) == (other.bits, other.size, other.levels)
+    }
+
+    fn describe(&self) -> String {
+        let (bits, (width, height)) = (self.bits, self.size);
+        match self.levels {
+            Some(RawLevels { black, white }) => {
+                format!("a camera RAW of {width} × {height} with counts {black} to {white}")
+            }
+            None => format!("a {bits}-bit picture of {width} × {height}"),
+        }
+    }
+}
+
+fn counts(file: &Path, photograph: Photograph) -> Result<(Image<Counts>, Kind), Error> {
+    match photograph {
+        Photograph::Raw(raw) => {
+            let size = raw.image.size();
+            Ok((raw.image, Kind { bits: 16, size, levels: Some(raw.levels), white_balance: raw.white_balance }))
+        }
+        Photograph::Picture(Picture::Integer { image, bits }) => {
+            let size = image.size();
+            Ok((image, Kind { bits, size, levels: None, white_balance: None }))
+        }
+        Photograph::Picture(float @ Picture::Float(_)) => {
+            let reason = format!("a photograph with counts of 8 or 16 bits was expected, found a {}", float.describe());
+            Err(Error::Bracket { path: file.to_path_buf(), reason })
+        }
+    }
+}
+
 fn check_number(path: &Path, number: usize) -> Result<(), Error> {
     if (2..=MOST_PHOTOGRAPHS).contains(&number) {
         return Ok(());
@@ -176,17 +236,18 @@ fn common_exposures(paths: &[PathBuf], exifs: &[ExifExposure]) -> Result<Vec<f64
     if exifs.iter().all(|exif| exif.settings().gain.is_some()) {
         return Ok(exifs.iter().map(|exif| exif.settings().relative()).collect());
     }
-    let values: [(&str, fn(&ExifExposure) -> Option<f64>); 2] =
-        [("sensitivity", |exif| exif.iso), ("f-number", |exif| exif.f_number)];
-    for (name, value) in values {
-        for (path, exif) in paths.iter().zip(exifs) {
-            if value(exif) != value(&exifs[0]) {
+    let first = &exifs[0];
+    for (path, exif) in paths.iter().zip(exifs) {
+        for (name, value, expected) in
+            [("sensitivity", exif.iso, first.iso), ("f-number", exif.f_number, first.f_number)]
+        {
+            if value != expected {
                 let said = |value: Option<f64>| value.map_or("none".to_owned(), |value| value.to_string());
                 let reason = format!(
                     "its {name} is {}, that of {} is {}: where they differ, every photograph must say sensitivity and f-number",
-                    said(value(exif)),
+                    said(value),
                     paths[0].display(),
-                    said(value(&exifs[0]))
+                    said(expected)
                 );
                 return Err(Error::Bracket { path: path.clone(), reason });
             }

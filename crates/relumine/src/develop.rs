@@ -7,13 +7,17 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use relumine_capture::separation::{Method, Removed, Residual};
-use relumine_capture::{Capture, DevelopedPosition, Developer, Loss, PositionNoise, Remark, Scheme, Setup, Tile};
+use relumine_capture::{
+    CameraResponse, Capture, DevelopedPosition, Developer, Loss, PositionNoise, Remark, Scheme, Setup, Tile,
+};
 use relumine_field::packed::{Keep, Patches, Sketch};
 use relumine_field::{Blocks, Extent, FieldError, FieldWriter, Header, PositionRecord};
+use relumine_radiometry::ChannelFit;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
+use crate::kept_response::KeptResponse;
 use crate::queue::Queue;
 use crate::{Encoding, Error};
 
@@ -134,6 +138,7 @@ pub struct Development {
     queue: Queue,
     already_done: Vec<PositionOutcome>,
     encoding: Encoding,
+    recovered: Option<KeptResponse>,
 }
 
 impl Development {
@@ -145,7 +150,19 @@ impl Development {
     pub fn start(capture: &Path, field: &Path, options: &DevelopOptions) -> Result<Self, Error> {
         let path = capture.to_path_buf();
         let input = input_digest(capture, options)?;
-        let developer = Developer::new(Capture::open(capture)?, options.separation, options.black_level)?;
+        let opened = Capture::open(capture)?;
+        // Recovered before anything is written, and only if an earlier run has not kept its own.
+        let recovered = match opened.setup().response() {
+            CameraResponse::Known(_) => None,
+            CameraResponse::Recover => Some(match FieldWriter::kept(field, &input).and_then(KeptResponse::of) {
+                Some(kept) => kept,
+                None => KeptResponse::new(&relumine_capture::recover_response(&opened)?),
+            }),
+        };
+        let developer = match &recovered {
+            None => Developer::new(opened, options.separation, options.black_level)?,
+            Some(kept) => Developer::with_recovered(opened, options.separation, options.black_level, &kept.response)?,
+        };
         let setup = developer.capture().setup();
         let (width, height) = setup.picture_size();
         let made = json!({
@@ -167,7 +184,10 @@ impl Development {
         });
         let mut header = Header::new(setup.cells(), [width, height], setup.title().map(Into::into), made);
         header.packing = options.encoding.packing();
-        let writer = FieldWriter::open(field, header, &input, options.replace)?;
+        let mut writer = FieldWriter::open(field, header, &input, options.replace)?;
+        if let Some(kept) = &recovered {
+            writer.keep(&input, KeptResponse::KEY, kept.to_json())?;
+        }
         let (already_done, waiting) = PositionOutcome::done_and_waiting(&writer);
         let position_bytes = developer.bytes_per_position(block_pixels(writer.blocks()));
         let together = (options.memory_bytes / position_bytes.max(1)).clamp(1, 2 * rayon::current_num_threads());
@@ -176,7 +196,7 @@ impl Development {
         if !queue.is_empty() {
             writer.forget_blocks()?;
         }
-        Ok(Self { capture: path, queue, already_done, developer, writer, encoding })
+        Ok(Self { capture: path, queue, already_done, developer, writer, encoding, recovered })
     }
 
     /// Bytes of memory that one position of a capture needs while it is developed with all threads.
@@ -198,6 +218,11 @@ impl Development {
     /// Positions that an earlier run had done.
     pub fn already_done(&self) -> &[PositionOutcome] {
         &self.already_done
+    }
+
+    /// How well the exposures agree with the response recovered from them, per channel; `None` where `capture.toml` gives it.
+    pub fn recovered(&self) -> Option<&[ChannelFit; 3]> {
+        self.recovered.as_ref().map(|kept| &kept.report)
     }
 
     /// What the capture's table has that a person should know.

@@ -139,6 +139,10 @@ impl Error {
             Self::Bracket { .. } => {
                 Some("give photographs of one view, from one camera, that differ in nothing but the exposure")
             }
+            Self::File(FileError::Read { .. }) => Some("check the name, and that the file may be read"),
+            Self::File(FileError::Unsupported { .. }) => {
+                Some("convert it to a picture that is read: PNG, TIFF, JPEG, OpenEXR or Radiance HDR")
+            }
             Self::File(FileError::NoExposure { .. }) => {
                 Some("write `name seconds` of each photograph into a file, a line each, and give it with --list")
             }

@@ -32,6 +32,7 @@ mod check;
 mod develop;
 mod error;
 mod import;
+mod kept_response;
 mod lights;
 mod noise;
 mod pack;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use relumine::basis::{Layout, Partition};
-use relumine::{Error, LampList};
+use relumine::{Error, ExposureList, LampList};
 
 #[path = "../../../fuzz/spoil.rs"]
 mod spoil;
@@ -21,6 +21,11 @@ const CSV: [&str; 3] = [
 ];
 /// Directions, names and intensities, with `%` between.
 const DILIGENT: [&str; 1] = ["0.1 0.2 0.97\n-0.3 0.4 0.86\n%\n001.png\n002.png\n%\n1.5 1.4 1.3\n1 1 1\n"];
+
+const EXPOSURES: [&str; 2] = [
+    "# Number of Images\n2\n# Filename 1/shutter_speed f/stop\na.png 0.03125 8 0 0\nb.png 64    8 0 0\n",
+    "\"a b.jpg\" 1.5 # long\r\nc.jpg\t0.004\r\n",
+];
 
 /// Lamps stand above the horizon, their light is positive, and the patches round them are the hemisphere.
 fn holds(list: &LampList) {
@@ -79,6 +84,22 @@ proptest! {
     fn a_spoiled_diligent_folder_is_used_or_refused(text in spoiled_text(&DILIGENT)) {
         if let Err(error) = try_diligent(&text) {
             prop_assert!(error.starts_with("dome/light_directions.txt: "), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_spoiled_list_of_exposures_is_used_or_refused(text in spoiled_text(&EXPOSURES), reciprocal in any::<bool>()) {
+        match ExposureList::parse(Path::new("set/list.txt"), &text, reciprocal) {
+            Ok(list) => {
+                for (file, exposure) in &list.photographs {
+                    prop_assert!(file.starts_with("set") || file.is_absolute(), "{file:?}");
+                    prop_assert!(*exposure > 0.0 && exposure.is_finite(), "{exposure}");
+                }
+            }
+            Err(error) => {
+                let error = error.to_string();
+                prop_assert!(error.starts_with("set/list.txt:"), "{error}");
+            }
         }
     }
 

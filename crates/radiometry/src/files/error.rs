@@ -26,7 +26,7 @@ pub enum FileError {
     },
     /// The content begins like no format known here.
     #[error(
-        "{}: expected an OpenEXR, Radiance HDR, PNG, TIFF or JPEG picture, found {start}",
+        "{}: expected an OpenEXR, Radiance HDR, PNG, TIFF, JPEG or camera RAW picture, found {start}",
         path.display()
     )]
     Unrecognised {

@@ -10,9 +10,12 @@
 //! are refused, and bytes of any kind give a picture or a [`FileError`], not a panic. Every writer goes through
 //! [`write_atomically`], and refuses what the reader would refuse.
 //!
+//! A camera's RAW is told from the TIFF that it resembles, and decoded where the cargo feature `raw` is on.
+//!
 //! Not here: deep or chroma-subsampled OpenEXR, XYZE pictures of Radiance.
 
 mod atomic;
+mod camera_raw;
 mod error;
 mod exif;
 mod exr_canvas;
@@ -29,12 +32,13 @@ mod write;
 mod tests;
 
 pub use atomic::write_atomically;
+pub use camera_raw::{READS_CAMERA_RAW, RawKind, RawLevels, RawPhotograph};
 pub use error::FileError;
 pub use exif::{ExifExposure, exif_exposure, read_exif_exposure};
 pub use exr_header::read_exr_attribute;
 pub use exr_write::{ExrSample, write_exr};
 use picture::Format;
-pub use picture::{Picture, decode_picture, read_linear, read_picture};
+pub use picture::{Photograph, Picture, decode_photograph, decode_picture, read_linear, read_photograph, read_picture};
 pub use rgbe::write_hdr;
 pub use write::{encode_png_counts, write_png_counts, write_png8, write_png16, write_tiff16};
 

@@ -4,13 +4,14 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
 
+use super::camera_raw::{RawKind, RawPhotograph, decode_raw};
 use super::{FileError, exr_read, jpeg, raster, rgbe};
 use crate::{Counts, Image, Linear, Linearity, srgb_decode};
 
 /// What a picture file held. What the numbers mean, the caller says.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Picture {
-    /// Integers as stored: PNG, JPEG, integer TIFF.
+    /// Integers as stored: PNG, JPEG, integer TIFF; of camera RAW those of [`RawPhotograph::image`].
     Integer {
         /// 0 … 255 or 0 … 65535, not scaled from one to the other.
         image: Image<Counts>,
@@ -61,6 +62,11 @@ impl Picture {
 /// # Errors
 /// See [`FileError`]; a missing or unreadable file is [`FileError::Read`], bad content one of the others.
 pub fn read_picture(path: &Path) -> Result<Picture, FileError> {
+    decode_picture(path, &read_known(path)?)
+}
+
+/// Reads a file if it begins like a picture, else its first bytes.
+fn read_known(path: &Path) -> Result<Vec<u8>, FileError> {
     let failed = |source| FileError::Read { path: path.to_path_buf(), source };
     // Looked at before it is opened: opening a pipe would wait for its writer.
     if !fs::metadata(path).map_err(failed)?.is_file() {
@@ -74,7 +80,37 @@ pub fn read_picture(path: &Path) -> Result<Picture, FileError> {
     if Format::of(&bytes).is_some() {
         file.read_to_end(&mut bytes).map_err(failed)?;
     }
-    decode_picture(path, &bytes)
+    Ok(bytes)
+}
+
+/// A picture, or a camera's RAW with what it says of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Photograph {
+    /// A file that holds a picture.
+    Picture(Picture),
+    /// A camera's RAW.
+    Raw(RawPhotograph),
+}
+
+/// Reads a picture file of any known format; what a camera's RAW says of its levels is kept.
+///
+/// # Errors
+/// As [`read_picture`].
+pub fn read_photograph(path: &Path) -> Result<Photograph, FileError> {
+    decode_photograph(path, &read_known(path)?)
+}
+
+/// Decodes the content of a picture file; `path_for_messages` is not opened.
+///
+/// # Errors
+/// As [`decode_picture`].
+pub fn decode_photograph(path_for_messages: &Path, bytes: &[u8]) -> Result<Photograph, FileError> {
+    match RawKind::of(bytes) {
+        Some(kind) => decode_raw(kind, bytes)
+            .map(Photograph::Raw)
+            .map_err(|fault| fault.at(path_for_messages, Format::CameraRaw(kind))),
+        None => decode_picture(path_for_messages, bytes).map(Photograph::Picture),
+    }
 }
 
 /// Decodes the content of a picture file; `path_for_messages` is not opened.
@@ -86,12 +122,14 @@ pub fn decode_picture(path_for_messages: &Path, bytes: &[u8]) -> Result<Picture,
     let Some(format) = Format::of(bytes) else {
         return Err(FileError::Unrecognised { path: path.to_path_buf(), start: beginning(bytes) });
     };
+    let format = RawKind::of(bytes).map_or(format, Format::CameraRaw);
     let decoded = match format {
         Format::OpenExr => exr_read::decode(bytes).map(Picture::Float),
         Format::RadianceHdr => rgbe::decode(bytes).map(Picture::Float),
         Format::Png => raster::decode_png(bytes),
         Format::Tiff => raster::decode_tiff(bytes),
         Format::Jpeg => jpeg::decode(bytes),
+        Format::CameraRaw(kind) => decode_raw(kind, bytes).map(|raw| Picture::Integer { image: raw.image, bits: 16 }),
     };
     let picture = decoded.map_err(|fault| fault.at(path, format))?;
     if let Picture::Float(image) = &picture {
@@ -144,6 +182,7 @@ pub(super) enum Format {
     Png,
     Tiff,
     Jpeg,
+    CameraRaw(RawKind),
 }
 
 impl Format {
@@ -162,6 +201,9 @@ impl Format {
             (b"MM\0\x2b", Format::Tiff),
             (b"\xff\xd8\xff", Format::Jpeg),
         ];
+        if bytes.get(4..12) == Some(b"ftypcrx ") {
+            return Some(Format::CameraRaw(RawKind::Cr3));
+        }
         MAGICS.into_iter().find_map(|(magic, format)| bytes.starts_with(magic).then_some(format))
     }
 
@@ -172,6 +214,7 @@ impl Format {
             Self::Png => "PNG",
             Self::Tiff => "TIFF",
             Self::Jpeg => "JPEG",
+            Self::CameraRaw(kind) => kind.name(),
         }
     }
 }

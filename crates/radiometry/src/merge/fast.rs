@@ -1,10 +1,11 @@
 //! Merging from tables, in bands of rows and blocks of samples that stay in the cache.
 //!
-//! A sample that enters no sum has an infinite variance, so the loops have no branches. What needs a closer look (nothing
-//! safe, or a clipped neighbour) is left to the plain version, pixel by pixel.
+//! A sample that enters no sum has an infinite variance, so the loops have no branches; only beside clipped pixels a sample is
+//! asked whether it is too bright. Where no exposure is safe, the plain version is asked, pixel by pixel.
 
 use rayon::prelude::*;
 
+use super::plain::BLOOMING_SIGMAS;
 use super::{Merged, Stack, Visibility, of_pixel};
 use crate::Image;
 
@@ -58,15 +59,19 @@ fn merge_band(
 ) -> Vec<u64> {
     let mut used = vec![0; stack.exposures.len()];
     let beside_clipped = beside_clipped(stack, start, visibility.len());
+    let length = visibility.len();
     let size = (BLOCK / (3 * stack.exposures.len())).max(16);
     let mut block = Block::new(stack, size);
     let outputs = radiance.chunks_mut(size).zip(variance.chunks_mut(size)).zip(visibility.chunks_mut(size));
     for (index, ((radiance, variance), visibility)) in outputs.enumerate() {
         let offset = index * size;
-        block.merge(stack, tables, start + offset, radiance.as_flattened_mut(), variance.as_flattened_mut());
+        let beside = |exposure: usize| {
+            beside_clipped[exposure].get(offset..(offset + size).min(length)).filter(|flags| flags.contains(&ANY))
+        };
+        block.merge(stack, tables, start + offset, beside, radiance.as_flattened_mut(), variance.as_flattened_mut());
         for (pixel, seen) in visibility.iter_mut().enumerate() {
             let any = |flags: &[u8]| flags[3 * pixel..3 * pixel + 3] != [0; 3];
-            if beside_clipped[offset + pixel] != 0 || any(&block.nothing) {
+            if any(&block.nothing) {
                 block.forget(pixel);
                 let samples = stack.pixel(start + offset + pixel, &mut used);
                 radiance[pixel] = samples.map(|sample| sample.radiance as f32);
@@ -86,9 +91,10 @@ struct Block {
     /// Relative exposure and variance without light of every sample of every exposure, exposure by exposure.
     exposure: Vec<f32>,
     dark_variance: Vec<f32>,
-    /// Sums over exposures: light, time.
+    /// Sums over exposures: light, time, variance without light.
     light: Vec<f32>,
     time: Vec<f32>,
+    dark: Vec<f32>,
     /// Whether no exposure is safe, and whether none of the safe ones is above black.
     nothing: Vec<u8>,
     black: Vec<u8>,
@@ -108,6 +114,7 @@ impl Block {
             exposure: all,
             light: vec![0.0; samples],
             time: vec![0.0; samples],
+            dark: vec![0.0; samples],
             nothing: vec![0; samples],
             black: vec![0; samples],
             samples,
@@ -116,41 +123,34 @@ impl Block {
         }
     }
 
-    fn merge(
+    fn merge<'b>(
         &mut self,
         stack: &Stack<'_>,
         tables: &[Table; 3],
         start: usize,
+        beside_clipped: impl Fn(usize) -> Option<&'b [u8]>,
         radiance: &mut [f32],
         variance: &mut [f32],
     ) {
         let n = radiance.len();
-        let (light, time) = (&mut self.light[..n], &mut self.time[..n]);
-        let (nothing, black) = (&mut self.nothing[..n], &mut self.black[..n]);
-        light.fill(0.0);
-        time.fill(0.0);
-        black.fill(1);
-        let black_level = stack.camera.black_level();
-        let exposures =
-            self.exposure.chunks_exact_mut(self.samples).zip(self.dark_variance.chunks_exact_mut(self.samples));
-        for ((exposed, t), (exposure, dark)) in stack.exposures.iter().zip(&self.t).zip(exposures) {
+        let shot = stack.noise.shot() as f32;
+        self.light[..n].fill(0.0);
+        self.time[..n].fill(0.0);
+        self.dark[..n].fill(0.0);
+        self.black[..n].fill(1);
+        for (i, exposed) in stack.exposures.iter().enumerate() {
             let counts = &exposed.counts[start..start + n / 3];
-            let (exposure, dark) = (&mut exposure[..n], &mut dark[..n]);
-            look_up(tables, counts, exposure, dark);
-            let counts = counts.as_flattened();
-            for s in 0..n {
-                let safe = dark[s] < f32::INFINITY;
-                light[s] += exposure[s];
-                time[s] += if safe { *t } else { 0.0 };
-                black[s] &= u8::from(!(safe & (counts[s] > black_level)));
+            let samples = i * self.samples..i * self.samples + n;
+            look_up(tables, counts, &mut self.exposure[samples.clone()], &mut self.dark_variance[samples]);
+            if let Some(flags) = beside_clipped(i) {
+                self.leave_out_blooming(i, flags, shot);
             }
-        }
-        for s in 0..n {
-            nothing[s] = u8::from(time[s] == 0.0);
+            self.add(i, counts.as_flattened(), stack.camera.black_level());
         }
         // First estimate: all electrons over all time, as photon noise per exposure.
-        let shot = stack.noise.shot() as f32;
+        let (light, time) = (&mut self.light[..n], &self.time[..n]);
         for s in 0..n {
+            self.nothing[s] = u8::from(time[s] == 0.0);
             light[s] = (light[s] / time[s]).max(0.0) * shot;
         }
         let (sum, weights) = (radiance, variance);
@@ -169,6 +169,44 @@ impl Block {
             let inverse = self.per_longest / weights[s];
             sum[s] *= inverse;
             weights[s] = inverse * self.per_longest;
+        }
+    }
+
+    /// Adds one exposure to the sums.
+    fn add(&mut self, i: usize, counts: &[u16], black_level: u16) {
+        let (n, t) = (counts.len(), self.t[i]);
+        let exposure = &self.exposure[i * self.samples..][..n];
+        let dark = &self.dark_variance[i * self.samples..][..n];
+        let (light, time, darks, black) =
+            (&mut self.light[..n], &mut self.time[..n], &mut self.dark[..n], &mut self.black[..n]);
+        for s in 0..n {
+            let safe = dark[s] < f32::INFINITY;
+            light[s] += exposure[s];
+            time[s] += if safe { t } else { 0.0 };
+            darks[s] += if safe { dark[s] } else { 0.0 };
+            black[s] &= u8::from(!(safe & (counts[s] > black_level)));
+        }
+    }
+
+    /// Takes back the samples of an exposure that are too bright beside a clipped pixel, by what is summed of shorter ones.
+    fn leave_out_blooming(&mut self, i: usize, flags: &[u8], shot: f32) {
+        let t = self.t[i];
+        for pixel in flags.iter().enumerate().filter(|(_, flag)| **flag != 0).map(|(pixel, _)| pixel) {
+            for s in 3 * pixel..3 * pixel + 3 {
+                let own = i * self.samples + s;
+                let (time, dark) = (self.time[s], self.dark_variance[own]);
+                if time == 0.0 || dark == f32::INFINITY {
+                    continue;
+                }
+                let shorter = (self.light[s] / time).max(0.0);
+                let of_shorter = (shorter * shot * time + self.dark[s]) / (time * time);
+                let variance = shorter * shot * t + dark + of_shorter * t * t;
+                let excess = self.exposure[own] - shorter * t;
+                if excess > BLOOMING_SIGMAS as f32 * variance.sqrt() {
+                    self.exposure[own] = 0.0;
+                    self.dark_variance[own] = f32::INFINITY;
+                }
+            }
         }
     }
 
@@ -205,11 +243,11 @@ fn look_up(tables: &[Table; 3], counts: &[[u16; 3]], exposure: &mut [f32], dark:
 const ANY: u8 = 1;
 const ALL: u8 = 2;
 
-/// For `length` pixels from `start` (whole rows): 1 if a channel of a pixel is not clipped in an exposure in which the pixel or
-/// one around it is clipped in any. The shortest exposure is not asked.
-fn beside_clipped(stack: &Stack<'_>, start: usize, length: usize) -> Vec<u8> {
+/// For every exposure and `length` pixels from `start` (whole rows): [`ANY`] if a channel of a pixel is not clipped where the
+/// pixel or one around it is clipped in any; nothing for an exposure in which there is none. The shortest is not asked.
+fn beside_clipped(stack: &Stack<'_>, start: usize, length: usize) -> Vec<Vec<u8>> {
     let width = stack.width;
-    let mut beside = vec![0; length];
+    let mut all = vec![Vec::new()];
     let first_row = start / width;
     let rows = first_row..first_row + length / width;
     let halo = rows.start.saturating_sub(1)..(rows.end + 1).min(stack.height);
@@ -231,9 +269,7 @@ fn beside_clipped(stack: &Stack<'_>, start: usize, length: usize) -> Vec<u8> {
                 *clipped = u8::from(any >= white) * ANY + u8::from(all >= white) * ALL;
             }
         }
-        if !any {
-            continue;
-        }
+        let mut beside = vec![0; if any { length } else { 0 }];
         for (row, beside) in rows.clone().zip(beside.chunks_exact_mut(width)) {
             let around = row.saturating_sub(1).max(halo.start)..(row + 2).min(halo.end);
             wide.fill(0);
@@ -245,9 +281,10 @@ fn beside_clipped(stack: &Stack<'_>, start: usize, length: usize) -> Vec<u8> {
             }
             let own = &clipped[(row - halo.start) * width..][..width];
             for ((beside, wide), own) in beside.iter_mut().zip(&wide).zip(own) {
-                *beside |= wide & !(own / ALL) & ANY;
+                *beside = wide & !(own / ALL) & ANY;
             }
         }
+        all.push(beside);
     }
-    beside
+    all
 }

@@ -1,5 +1,5 @@
-//! One sample after the other, in double precision: what the fast version is held against, and what it asks where a pixel
-//! is clipped, black or beside a clipped one.
+//! One sample after the other, in double precision: what the fast version is held against, and what it asks where no exposure
+//! of a pixel is safe.
 
 use super::{Merged, NoiseModel, Stack, Visibility, of_pixel};
 use crate::{Counts, Image, Linearization};
@@ -31,7 +31,7 @@ pub(super) struct Sample {
 }
 
 /// A pixel reads too bright beside a clipped one if it is this many standard deviations above the shorter exposures.
-const BLOOMING_SIGMAS: f64 = 2.0;
+pub(super) const BLOOMING_SIGMAS: f64 = 2.0;
 
 impl Stack<'_> {
     /// Merges a pixel and counts in `used` which exposures entered.

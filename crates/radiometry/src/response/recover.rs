@@ -14,6 +14,7 @@ mod fit;
 mod selection;
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Response, ResponseCurve};
 use crate::{Counts, Image};
@@ -29,7 +30,8 @@ pub struct RecoveredResponse {
 }
 
 /// How well the photographs agree with the recovered curve of one channel.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ChannelFit {
     /// Pixels that were chosen and used.
     pub pixels: usize,
@@ -189,11 +191,11 @@ pub fn recover_response(
             Ok((fit, report))
         })
         .collect::<Result<_, _>>()?;
-    let curves: [Vec<f64>; 3] = std::array::from_fn(|channel| curve::exposures(&fits[channel].0.log_exposures));
-    Ok(RecoveredResponse {
-        response: Response::Curve(ResponseCurve::from_channels(&curves, &knots.fractions_with_zero())),
-        report: std::array::from_fn(|channel| fits[channel].1),
-    })
+    let channels =
+        std::array::from_fn(|channel| (curve::exposures(&fits[channel].0.log_exposures), knots.fractions_with_zero()));
+    let curve =
+        ResponseCurve::from_channels(&channels).map_err(|_| RecoveryError::NotRising { channel: CHANNELS[0] })?;
+    Ok(RecoveredResponse { response: Response::Curve(curve), report: std::array::from_fn(|channel| fits[channel].1) })
 }
 
 fn check(photographs: &[(&Image<Counts>, f64)], black: f64, white: f64) -> Result<(), RecoveryError> {

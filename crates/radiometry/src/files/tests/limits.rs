@@ -106,8 +106,8 @@ fn counters_in_a_dwa_block_are_not_believed() {
 #[test]
 fn what_is_no_picture_is_told_by_its_first_bytes() {
     let error = decode(b"hello, world").unwrap_err();
-    let expected = "in/test: expected an OpenEXR, Radiance HDR, PNG, TIFF or JPEG picture, found a file that begins with \
-                    the bytes 68 65 6c 6c 6f 2c 20 77";
+    let expected = "in/test: expected an OpenEXR, Radiance HDR, PNG, TIFF, JPEG or camera RAW picture, found a file \
+                    that begins with the bytes 68 65 6c 6c 6f 2c 20 77";
     assert_eq!(error.to_string(), expected);
     assert!(decode(b"").unwrap_err().to_string().ends_with("found an empty file"));
 }

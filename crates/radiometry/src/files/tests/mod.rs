@@ -1,5 +1,6 @@
 //! Claims about files: what is written comes back, what others write is understood, what is broken is refused.
 
+mod camera_raw;
 mod exif;
 mod hostile;
 mod integer_formats;

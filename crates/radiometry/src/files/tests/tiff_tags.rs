@@ -1,5 +1,7 @@
 //! Directories of TIFF tags written by hand, little endian: EXIF, and what a camera's RAW is made of (TIFF 6.0, §2).
 
+#![allow(dead_code)] // each test file takes its part
+
 /// The value of a tag.
 pub(super) enum Value {
     Bytes(Vec<u8>),
