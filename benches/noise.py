@@ -199,7 +199,7 @@ def figure(relit, errors):
             else:
                 off = numpy.clip((relit[method, True, light] - relit[method, False, light]).mean(-1) / largest, -1, 1)
                 colour = numpy.stack([1 - numpy.maximum(-off, 0), 1 - abs(off), 1 - numpy.maximum(off, 0)], -1)
-                caption = f"{LIGHTS[light]}: {method}"
+                caption = f"{LIGHTS[light]}: {method.replace('minimum, constant ', '')}"
             tile = Image.fromarray((colour * 255 + 0.5).astype(numpy.uint8)).resize((w, h), Image.Resampling.NEAREST)
             sheet.paste(tile, (x, y))
             draw.text((x, y + h + 1), caption, "black", font)

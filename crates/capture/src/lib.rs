@@ -8,6 +8,7 @@
 mod capture;
 mod develop;
 mod developed;
+mod disagreement;
 mod error;
 mod judging;
 mod noise;

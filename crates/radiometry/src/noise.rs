@@ -201,6 +201,24 @@ mod tests {
     }
 
     #[test]
+    fn a_curve_comes_back_from_a_file_and_one_that_cannot_be_does_not() {
+        let curve = NoiseCurve::linear(3e-7, 1e-4).scaled(2.0, 3.0);
+        let text = toml::to_string(&curve).unwrap();
+        assert_eq!(toml::from_str::<NoiseCurve>(&text).unwrap(), curve);
+        for wrong in [
+            "dark = 1e-7\nfirst_octave = 0\nvariance = [1e-4]",
+            "dark = -1e-7\nfirst_octave = 0\nvariance = [1e-4, 2e-4]",
+            "dark = 1e-7\nfirst_octave = 0\nvariance = [1e-4, inf]",
+            "dark = nan\nfirst_octave = 0\nvariance = [1e-4, 2e-4]",
+            "dark = 1e-7\nfirst_octave = -2000000000\nvariance = [1e-4, 2e-4]",
+            "dark = 1e-7\nfirst_octave = 61\nvariance = [1e-4, 2e-4, 3e-4]",
+            "dark = 1e-7\nfirst_octave = 0\nvariance = [1e-4, 2e-4]\ngain = 2",
+        ] {
+            assert!(toml::from_str::<NoiseCurve>(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
     fn clipped_samples_say_nothing_and_nothing_makes_no_curve() {
         assert!(NoiseSamples::default().curve().is_none());
         assert!(NoiseSamples::of(&merged(&[2.0; 9], |_| f32::INFINITY)).curve().is_none());
