@@ -73,7 +73,9 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     let (black, white) = (f64::from(bracket.black_level), f64::from(bracket.white_level));
     let recovered = recover_response(&bracket.exposed(), black, white).map_err(|error| {
         let file = bracket.photographs[0].file.display();
-        Failure::incomplete(format!("{file} and the photographs beside it: {error}"))
+        Failure::incomplete(format!("{file} and the photographs beside it: {error}")).with_hint(
+            "a good bracket: a still view with dark and bright surfaces, five exposures or more a factor 2 apart",
+        )
     })?;
     let Response::Curve(curve) = &recovered.response else {
         return Err(Failure::failed("a recovered response is a curve, but another came"));

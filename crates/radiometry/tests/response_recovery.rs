@@ -70,6 +70,7 @@ fn recover(stack: &[Image<Counts>], times: &[f64], black: f64, white: f64) -> re
 #[test]
 fn a_known_response_comes_back_from_noisy_photographs() {
     let powers_of_two: Vec<f64> = (-4..5).map(|stop| 2f64.powi(stop)).collect();
+    let two_stops: Vec<f64> = (-2..3).map(|step| 4f64.powi(step)).collect();
     let third_stops: Vec<f64> = (-4..5).map(|step| 2f64.powf(1.33 * f64::from(step))).collect();
     let srgb = |_: usize, x: f64| relumine_radiometry::srgb_encode(x);
     let linear = |_: usize, x: f64| x;
@@ -77,7 +78,7 @@ fn a_known_response_comes_back_from_noisy_photographs() {
     let curves: [Curve; 3] = [("S", s_shaped), ("sRGB", srgb), ("linear", linear)];
     for (name, f) in curves {
         for (bits, black) in [(8, 0.0), (8, 12.0), (12, 200.0), (16, 0.0), (16, 1024.0)] {
-            for (spacing, times) in [("2", &powers_of_two), ("2.5", &third_stops)] {
+            for (spacing, times) in [("2", &powers_of_two), ("2.5", &third_stops), ("4", &two_stops)] {
                 if name != "S" && (bits != 8 || black > 0.0) {
                     continue;
                 }

@@ -220,6 +220,7 @@ fn capture_hint(error: &CaptureError) -> Option<&'static str> {
         CaptureError::Read { .. } | CaptureError::Description(DescriptionError::Read { .. }) => {
             Some("a capture is a directory with capture.toml and photographs.csv; FORMAT.md describes both")
         }
+        CaptureError::Setup { .. } => Some("correct capture.toml; FORMAT.md describes it"),
         CaptureError::Row { .. } => Some("correct the line, or remove it if the photograph is gone"),
         CaptureError::Photograph { .. } => {
             Some("correct [camera] in capture.toml, or remove the photograph's row from photographs.csv")

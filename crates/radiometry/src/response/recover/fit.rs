@@ -26,7 +26,8 @@ const LOW_COUNTS: (f64, f64) = (1.0, 10.0);
 const LEAST_SCALE: f64 = 0.2;
 /// Tukey's biweight ends here, in standard deviations.
 const FAR: f64 = 4.685;
-/// Prior standard deviation of the change of ln slope's gradient over one unit of the opened coordinate.
+/// Prior standard deviation of the change of ln slope's gradient over one unit of the opened coordinate, where neighbouring
+/// exposures are at most a factor 2 apart. Ripples that wider steps leave open are longer, and bend less as their length squared.
 /// This decides what ripple is believed where exposures in one ratio leave it open; it was chosen on simulated cameras,
 /// S-shaped, sRGB, linear, film-like, with steps of 2 to 4 between exposures.
 const BEND: f64 = 0.08;
@@ -91,7 +92,8 @@ pub(super) fn fit(knots: &Knots, pixels: &[Vec<f64>], log_times: &[f64]) -> Fit 
             .collect()
         })
         .collect();
-    let prior = Prior::new(&knots.middles());
+    let gap = log_times.windows(2).map(|pair| pair[1] - pair[0]).fold(std::f64::consts::LN_2, f64::max);
+    let prior = Prior::new(&knots.middles(), BEND * (std::f64::consts::LN_2 / gap).powi(2));
     let mut theta = vec![0.5; knots.len() - 1];
     let mut g = knots.log_exposures(&theta);
     for round in 0..ROUNDS {
@@ -139,9 +141,6 @@ fn reweigh(knots: &Knots, g: &[f64], stacks: &mut [Vec<Observation>], robust: bo
         }
     }
     let unexplained = Unexplained::of(stacks, knots.one_count);
-    if std::env::var("T").is_ok() {
-        println!("{} {}", unexplained.counts, unexplained.share);
-    }
     let mut ratios = Vec::new();
     for stack in stacks.iter_mut() {
         for observation in stack.iter_mut() {
@@ -298,7 +297,7 @@ struct Prior {
 }
 
 impl Prior {
-    fn new(at: &[f64]) -> Self {
+    fn new(at: &[f64], bend: f64) -> Self {
         let mut rows = Vec::new();
         for i in 1..at.len() {
             let scale = 1.0 / (DRIFT * (at[i] - at[i - 1]).sqrt());
@@ -306,7 +305,7 @@ impl Prior {
         }
         for i in 1..at.len().saturating_sub(1) {
             let (before, after) = (at[i] - at[i - 1], at[i + 1] - at[i]);
-            let scale = 1.0 / (BEND * (0.5 * (before + after)).sqrt());
+            let scale = 1.0 / (bend * (0.5 * (before + after)).sqrt());
             let (a, c) = (scale / before, scale / after);
             rows.push(vec![(i - 1, a), (i, -a - c), (i + 1, c)]);
         }
