@@ -109,7 +109,7 @@ fn known_crosstalk_is_undone_and_colours_outside_of_the_gamut_stay_negative() {
         }
         lay_out(directory.path(), patterns, "");
         let (error, lowest) = worst(directory.path(), Method::Fitted);
-        assert!(error > 0.1 && lowest >= 0.0, "without the correction it is off: {error}");
+        assert!(error > 0.1 && lowest > -1e-5, "without the correction it is off: {error}, {lowest}");
     }
 }
 
