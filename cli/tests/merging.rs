@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used)] // in helpers of tests too
 
 mod support;
-#[allow(dead_code)] // other tests use what these do not
 #[path = "../../crates/radiometry/src/files/tests/tiff_tags.rs"]
 mod tiff_tags;
 

@@ -19,8 +19,8 @@ use crate::progress::Talk;
 /// Fit a camera's colour correction to a photograph of a ColorChecker
 ///
 /// Finds the chart (or takes its corners), measures its patches, and fits the matrix or root polynomial that brings them
-/// nearest to the reference (least ΔE₀₀, after linear least squares). The result, chart.toml, is named by [camera] colour in
-/// a capture.toml. Prints ΔE₀₀ before the correction, after it, and of patches held out of the fit.
+/// nearest to the reference (least ΔE₀₀, after linear least squares). The result, chart.toml, is named as the colour of a camera by
+/// capture.toml. Prints ΔE₀₀ before the correction, after it, and of patches held out of the fit.
 #[derive(Args)]
 #[command(after_help = AFTER_HELP)]
 pub(crate) struct Arguments {

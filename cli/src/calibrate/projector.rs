@@ -21,7 +21,7 @@ use crate::progress::Talk;
 /// the contrast. The flux of a square is the mean radiance of its area on the card; neither the projector's angle nor the camera's
 /// place weighs in it, but what the camera's lens darkens towards its corners does: keep the card in the middle of the picture.
 ///
-/// What capture.toml understands is printed as TOML, to be put under [projector]; the rest stands there as comments.
+/// What capture.toml understands is printed as TOML, to be put into its section projector; the rest stands there as comments.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Photographs of the card under full white, all of one exposure; several are averaged

@@ -61,7 +61,7 @@ impl Copy {
     }
 
     /// Replaces the photographs whose name contains `name` by changed ones.
-    fn change(&mut self, name: &str, change: &dyn Fn(&Image<Counts>, usize, usize) -> [u16; 3]) {
+    fn change(&mut self, name: &str, change: impl Fn(&Image<Counts>, usize, usize) -> [u16; 3]) {
         let files: Vec<String> =
             self.table.lines().skip(1).map(|line| line.split(',').nth(5).unwrap().into()).collect();
         for file in files.iter().filter(|file| file.contains(name)) {
@@ -120,10 +120,10 @@ fn defects_put_into_a_copy_are_found_and_nothing_else() {
     copy.exchange("p003/row-4-1", "p003/column-2-0");
     copy.exchange("p010/row-1-1", "p010/row-4-1");
     copy.exchange("p020/row-3-2_e1", "p020/column-5-0_e1");
-    copy.change("p030/", &|image, x, y| image.pixel((x + 142) % 144, y));
-    copy.change("p000/", &|image, x, y| image.pixel(x, (y + 1) % 96));
-    copy.change("p040/column-4-1_", &|_, _, _| [0; 3]);
-    copy.change("p041/row-4-1_e1", &|_, _, _| [0; 3]);
+    copy.change("p030/", |image, x, y| image.pixel((x + 142) % 144, y));
+    copy.change("p000/", |image, x, y| image.pixel(x, (y + 1) % 96));
+    copy.change("p040/column-4-1_", |_, _, _| [0; 3]);
+    copy.change("p041/row-4-1_e1", |_, _, _| [0; 3]);
     let found = copy.judge();
     let mut told: Vec<(usize, FindingKind, Vec<String>)> =
         found.iter().map(|finding| (finding.position, finding.kind, names(finding))).collect();

@@ -12,7 +12,7 @@ const LOWEST: i32 = -60;
 /// Radiances from 2^HIGHEST on share one bin.
 const HIGHEST: i32 = 60;
 
-/// Variance of a sample of radiance [radiance²] by its radiance: linear between none and powers of two, and beyond.
+/// Variance of a sample of radiance, radiance², by its radiance: linear between none and powers of two, and beyond.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Knots", into = "Knots")]
 pub struct NoiseCurve {

@@ -1,5 +1,7 @@
 //! Recovered responses against responses that are known.
 
+#![allow(clippy::unwrap_used)] // in helpers of tests too
+
 use std::path::Path;
 
 use rand::SeedableRng;
