@@ -69,9 +69,9 @@ impl Removed {
         self.spread += other.spread;
     }
 
-    /// One of the sums over all light; `None` if there is none.
+    /// One of the sums over all light; `None` if nothing was removed so, or there is no light.
     pub fn share(&self, of: f64) -> Option<f64> {
-        (self.light > 0.0).then(|| of / self.light)
+        (self.light > 0.0 && of != 0.0).then(|| of / self.light)
     }
 }
 
