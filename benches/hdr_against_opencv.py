@@ -13,8 +13,7 @@ code 128) for the figure with one scale; the figure with one scale a channel nee
 
 hdr_frobisher: three JPEGs by colour-science, and their curves of the same method (natural log exposure, 0 at code 128, without
 the outermost codes, which carry no weight). Figure: root mean square and largest difference of ln exposure, codes 13 to 242 (5 % to
-95 %), after one shift a channel. Radiance has no reference there: that merged by each program with the reference curves is taken
-for one, to see what the difference of the curves does to pictures.
+95 %), after one shift a channel. Radiance has no reference there.
 """
 import argparse, datetime, json, os, pathlib, platform, subprocess, tempfile
 
