@@ -14,7 +14,7 @@ use crate::{TransferSource, kernel};
 const TOGETHER: usize = 8;
 
 /// Blocks of a packed field in one step.
-const BLOCKS_AT_ONCE: usize = 64;
+const BLOCKS_AT_ONCE: usize = 256;
 
 /// Threads for each core that read blocks of a packed field: while some wait for the disk, others work.
 const READERS_A_CORE: usize = 4;

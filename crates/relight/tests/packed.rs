@@ -204,6 +204,34 @@ fn packed_pictures_follow_a_moving_spot() {
 }
 
 #[test]
+fn packed_pictures_follow_a_spot_after_any_light_before_it() {
+    // Few positions are lit: many patches then show their first components only.
+    let noisy = Noisy { picture: [64, 60], positions: 40, squares: 6, rank: [5, 40], kind: Kind::Wild };
+    let field = resident(&noisy, &noisy.blocks(14));
+    let all = light(&noisy, 6, 1);
+    let scenes = [0, 12, 25].map(|first| only(&all, first * 36..(first + 9) * 36));
+    let mut incremental = Incremental::new(&field, &scenes[0]).unwrap();
+    let mut noise = Noise(19);
+    let mut ways = [0; 3];
+    for step in 0..200 {
+        // From time to time all is lit otherwise, and back again to what was.
+        let mut light = scenes[(step / 5) % 2 + usize::from(step % 15 == 14)].clone();
+        let position = noise.within(0, 38);
+        light.values_mut()[position * 36 + noise.within(0, 35)] = [noise.unit(); 3];
+        let update = incremental.update(&field, &light).unwrap();
+        ways[if !update.anew {
+            0
+        } else if update.patches_anew == update.patches {
+            1
+        } else {
+            2
+        }] += 1;
+        assert_within(incremental.picture(), &field.relight(&light).unwrap(), &format!("step {step}, {update:?}"));
+    }
+    assert!(ways[0] > 40 && ways[1] > 40 && ways[2] == 0, "{ways:?}");
+}
+
+#[test]
 fn a_light_that_goes_out_leaves_nothing_behind_in_packed_pictures() {
     let field = resident(&WILD, &WILD.blocks(8));
     let dim = light(&WILD, 1, 1);

@@ -5,6 +5,8 @@
 
 use std::fs::{self, File};
 use std::io::{self, Write};
+#[cfg(target_os = "linux")]
+use std::num::NonZero;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -186,12 +188,14 @@ pub(crate) fn read(
     if record.bytes < of_components.max(rank * patches.len() * 4) {
         return Err(rows.damaged(format!("rows of {} bytes are too short", record.bytes)));
     }
-    let mut basis = Vec::with_capacity((first - 1) * of_components);
+    // One row after the other, the next over the padding of the one before.
+    let mut basis = vec![0; (first - 1) * of_components + record.bytes - of_components];
     for row in 0..first - 1 {
-        let of_row = rows.next(&format!("components {} and on", row * COMPONENTS_A_ROW))?;
-        basis.extend(of_row[..of_components].iter().map(|byte| i8::from_le_bytes([*byte])));
+        let to = &mut basis[row * of_components..][..record.bytes];
+        rows.next_into(to, &format!("components {} and on", row * COMPONENTS_A_ROW))?;
     }
     basis.truncate(rank * 3 * height * width);
+    let basis = basis.into_iter().map(|byte| i8::from_le_bytes([byte])).collect();
     let of_row = &rows.next("the steps")?[..rank * patches.len() * 4];
     let steps = of_row.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect();
     let read = |position: usize| {
@@ -245,7 +249,12 @@ impl Rows {
                 _ => together.push(entry),
             }
         }
-        let mut frames = Vec::new();
+        // All are asked for before the first is waited for.
+        #[cfg(target_os = "linux")]
+        for [offset, length] in &together {
+            let _ = rustix::fs::fadvise(&file, *offset, NonZero::new(*length), rustix::fs::Advice::WillNeed);
+        }
+        let mut frames = Vec::with_capacity(together.iter().map(|[_, length]| *length as usize).sum());
         for [offset, length] in together {
             let begin = frames.len();
             frames.resize(begin + length as usize, 0);
@@ -258,18 +267,23 @@ impl Rows {
 
     /// The next row; `what` it holds, for messages.
     fn next(&mut self, what: &str) -> Result<&[u8], FieldError> {
+        let mut row = std::mem::take(&mut self.row);
+        row.resize(self.bytes.min(MOST_BYTES), 0);
+        let done = self.next_into(&mut row, what);
+        self.row = row;
+        done.map(|()| &self.row[..])
+    }
+
+    /// The next row into `to`, which is as long.
+    fn next_into(&mut self, to: &mut [u8], what: &str) -> Result<(), FieldError> {
         let length = self.lengths.next().unwrap_or(0);
         let frame = &self.frames[self.at..self.at + length];
         self.at += length;
-        self.row.clear();
-        self.row.reserve_exact(self.bytes.min(MOST_BYTES));
-        if let Err(error) = self.decompressor.decompress_to_buffer(frame, &mut self.row) {
-            return Err(self.damaged(format!("{what}: {error}")));
+        match self.decompressor.decompress_to_buffer(frame, to) {
+            Ok(found) if found == self.bytes => Ok(()),
+            Ok(found) => Err(self.damaged(format!("{what}: {found} bytes instead of {}", self.bytes))),
+            Err(error) => Err(self.damaged(format!("{what}: {error}"))),
         }
-        if self.row.len() != self.bytes {
-            return Err(self.damaged(format!("{what}: {} bytes instead of {}", self.row.len(), self.bytes)));
-        }
-        Ok(&self.row)
     }
 
     fn damaged(&self, reason: String) -> FieldError {

@@ -28,6 +28,8 @@ use relumine_field::packed::Patches;
 pub(crate) const COMPONENTS: usize = 8;
 /// Pixels of a patch, 8 × 8; those that a smaller patch lacks are 0.
 pub(crate) const PIXELS: usize = Patches::SIDE * Patches::SIDE;
+/// Values of two components of a basis, which lie together: `[channel][pixel][component]`.
+pub(crate) const PAIR: usize = 2 * 3 * PIXELS;
 
 /// Sums of 8 components, `[channel][component]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,12 +58,12 @@ pub struct ResidentBlock {
     pub(super) slots: Vec<u32>,
     /// Components of the basis of each patch.
     pub(super) components: Vec<u8>,
-    /// Where the components of each slot begin in the bases.
+    /// Where the basis of each patch begins, in pairs of components.
     pub(super) starts: Vec<u32>,
     /// What one step is worth, by slot.
     pub(super) steps: Vec<[f32; COMPONENTS]>,
-    /// The bases `[component][channel][pixel of 8 × 8]`: the first 8 components of all patches, the next 8 of those that have
-    /// them, and so on, since mostly the first are needed.
+    /// The bases of the patches, one after the other, two components together, `[pair][channel][pixel of 8 × 8][component of 2]`;
+    /// where their number is odd, the last are 0.
     pub(super) basis: Vec<i8>,
     /// Rows and columns of each patch.
     pub(super) pixels: Vec<[Range<u32>; 2]>,
@@ -121,10 +123,7 @@ pub(crate) struct Segment<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Basis<'a> {
     pub(crate) components: usize,
-    /// By slot, in components from the first of `values`.
-    pub(crate) starts: &'a [u32],
     pub(crate) steps: &'a [[f32; COMPONENTS]],
-    /// Of the block.
     pub(crate) values: &'a [i8],
 }
 
@@ -174,12 +173,11 @@ impl ResidentBlock {
 
     /// The basis of a patch.
     pub(crate) fn basis_of(&self, patch: usize) -> Basis<'_> {
-        let slots = self.slots_of(patch);
+        let (slots, components) = (self.slots_of(patch), self.components[patch].into());
         Basis {
-            components: self.components[patch].into(),
-            starts: &self.starts[slots.clone()],
+            components,
             steps: &self.steps[slots],
-            values: &self.basis,
+            values: &self.basis[self.starts[patch] as usize * PAIR..][..usize::div_ceil(components, 2) * PAIR],
         }
     }
 

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use relumine_field::packed::{Atom, Atoms, PackedBlock};
+use relumine_field::packed::{Atom, Atoms, PackedBlock, Patches};
 
-use crate::packed::block::{COMPONENTS, PIXELS, Place};
+use crate::packed::block::{COMPONENTS, PAIR, PIXELS, Place};
 use crate::packed::{PackedError, ResidentBlock};
 
 /// Ids are kept twofold.
@@ -95,35 +95,54 @@ impl ResidentBlock {
         if slots > MOST {
             return Err(PackedError::TooMany { what: "slots of 8 components", found: slots, most: MOST });
         }
-        self.starts = vec![0; slots];
         self.steps = vec![[0.0; COMPONENTS]; slots];
-        self.basis.reserve_exact(longest.iter().sum::<usize>() * 3 * PIXELS);
-        let mut start = 0;
-        for first in (0..block.rank).step_by(COMPONENTS) {
-            for (patch, longest) in longest.iter().enumerate().filter(|(_, longest)| **longest > first) {
-                let slot = self.slots[patch] as usize + first / COMPONENTS;
-                self.starts[slot] = start;
-                let [rows, columns] = self.pixels_of(patch);
-                for component in first..(first + COMPONENTS).min(*longest) {
-                    self.steps[slot][component - first] = block.steps[component * self.patches.len() + patch];
-                    for channel in 0..3 {
-                        let plane = self.basis.len();
-                        self.basis.resize(plane + PIXELS, 0);
-                        for (to, y) in self.basis[plane..].chunks_exact_mut(8).zip(rows.clone()) {
-                            let from = ((component * 3 + channel) * height + y) * width;
-                            let from = &block.basis[from..][columns.clone()];
-                            // Almost all patches are whole: one store instead of a call.
-                            match (<&mut [_; 8]>::try_from(&mut *to), <&[_; 8]>::try_from(from)) {
-                                (Ok(to), Ok(from)) => *to = *from,
-                                _ => to[..columns.len()].copy_from_slice(from),
-                            }
-                        }
-                    }
-                    start += 1;
+        let mut pairs = 0;
+        for (patch, longest) in longest.iter().enumerate() {
+            self.starts.push(pairs as u32);
+            pairs += longest.div_ceil(2);
+            let steps = &mut self.steps[self.slots[patch] as usize..self.slots[patch + 1] as usize];
+            for (component, step) in steps.as_flattened_mut()[..*longest].iter_mut().enumerate() {
+                *step = block.steps[component * self.patches.len() + patch];
+            }
+        }
+        self.basis = vec![0; pairs * PAIR];
+        // Components on the outside: those of a pair stay in the cache while all patches take theirs.
+        let plane = |index: usize| &block.basis[index * height * width..][..height * width];
+        for first in (0..block.rank).step_by(2) {
+            for patch in (0..longest.len()).filter(|patch| longest[*patch] > first) {
+                let pixels = self.pixels_of(patch);
+                let to = &mut self.basis[(self.starts[patch] as usize + first / 2) * PAIR..][..PAIR];
+                for (channel, to) in to.as_chunks_mut().0.iter_mut().enumerate() {
+                    let second = (first + 1 < longest[patch]).then(|| plane((first + 1) * 3 + channel));
+                    interleave(plane(first * 3 + channel), second, width, &pixels, to);
                 }
             }
         }
         Ok(())
+    }
+}
+
+/// The pixels of a patch in two planes, one beside the other; those that it lacks, and a plane that is not there, are 0.
+#[inline]
+fn interleave(
+    first: &[i8],
+    second: Option<&[i8]>,
+    width: usize,
+    [rows, columns]: &[Range<usize>; 2],
+    to: &mut [i8; 2 * PIXELS],
+) {
+    for (to, y) in to.as_chunks_mut::<{ 2 * Patches::SIDE }>().0.iter_mut().zip(rows.clone()) {
+        let row = |plane: &[i8]| {
+            let from = &plane[y * width..][columns.clone()];
+            // Almost all patches are whole: one load instead of a call.
+            <[i8; Patches::SIDE]>::try_from(from).unwrap_or_else(|_| {
+                let mut part = [0; Patches::SIDE];
+                part[..from.len()].copy_from_slice(from);
+                part
+            })
+        };
+        let (first, second) = (row(first), second.map_or([0; Patches::SIDE], row));
+        *to = std::array::from_fn(|index| if index % 2 == 0 { first[index / 2] } else { second[index / 2] });
     }
 }
 

@@ -193,7 +193,6 @@ impl Incremental {
 struct Work {
     old: Summing,
     new: Summing,
-    anew: Vec<Sums>,
     /// What the sums have changed by; all there is for patches to be made anew.
     difference: Vec<Slot>,
     /// Slots that have changed.
@@ -212,25 +211,15 @@ impl Work {
         (0..block.patches.len()).filter_map(|patch| sums.get(block.slots_of(patch).start)).for_each(kernel::ask_for);
         match change {
             Change::Anew(light) => {
-                self.anew.clear();
-                self.anew.resize(sums.len(), NOTHING);
+                // The picture is not that of the sums there were: every patch is made anew.
+                sums.fill(NOTHING);
                 for (lit, table) in light.tables(0..light.lit().len()) {
                     let adds = self.new.of_position(kernel, block, lit.position, (table, lit.sparse));
-                    self.anew.iter_mut().zip(adds).for_each(|(sum, adds)| {
+                    sums.iter_mut().zip(adds).for_each(|(sum, adds)| {
                         each(sum, |channel, component| f64::from(adds.0[channel][component]));
                     });
                 }
-                let slots = sums.iter_mut().zip(&self.anew).zip(&mut self.touched).zip(&mut self.difference);
-                for (((sum, anew), touched), difference) in slots.filter(|(((sum, anew), _), _)| sum != anew) {
-                    *touched = true;
-                    for channel in 0..3 {
-                        for component in 0..COMPONENTS {
-                            let by = anew[channel][component] - sum[channel][component];
-                            difference.0[channel][component] = by as f32;
-                        }
-                    }
-                    *sum = *anew;
-                }
+                self.touched.fill(true);
             }
             Change::Differences(old, new) => {
                 for ((was, old), (is, new)) in old.tables(0..old.lit().len()).zip(new.tables(0..new.lit().len())) {

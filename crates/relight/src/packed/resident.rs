@@ -29,6 +29,8 @@ pub(crate) type Sum = for<'a> fn(&'a mut Summing, &Kernel, &[ResidentBlock], &Li
 
 /// Blocks that take turns, at most: more share the tables of a light, fewer are spread better.
 const IN_TURN: usize = 8;
+/// The tables of so many positions stay in the cache by themselves: blocks need not take turns.
+const FEW_POSITIONS: usize = 32;
 
 impl ResidentPacked {
     /// Reads a packed field, all of it: about twice its bytes on disk.
@@ -165,7 +167,8 @@ impl ResidentPacked {
     ) {
         let kernel = Kernel::best();
         let mut shares = self.share_out(picture);
-        let in_turn = (chosen.len() / (4 * rayon::current_num_threads())).clamp(1, IN_TURN);
+        let most = if weights.lit().len() > FEW_POSITIONS { IN_TURN } else { 1 };
+        let in_turn = (chosen.len() / (4 * rayon::current_num_threads())).clamp(1, most);
         let blocks = self.blocks[chosen.clone()].par_chunks(in_turn).zip(shares[chosen].par_chunks_mut(in_turn));
         blocks.for_each_init(Summing::default, |summing, (blocks, shares)| {
             let mut slots = sum(summing, &kernel, blocks, weights);

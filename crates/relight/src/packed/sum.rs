@@ -2,7 +2,7 @@
 
 use crate::packed::ResidentBlock;
 use crate::packed::block::{COMPONENTS, PIXELS, Segment, Slot};
-use crate::packed::kernel::{self, Kernel};
+use crate::packed::kernel::{self, Fixed, Kernel};
 use crate::packed::weights::{LightWeights, Row};
 
 /// Positions whose sum is taken by itself before it is added to the others, so that rounding does not grow with their number.
@@ -118,19 +118,17 @@ pub(crate) fn write_patches(
     block_rows: &mut [&mut [[f32; 3]]],
 ) {
     let mut chosen = chosen.peekable();
-    let mut pixels = [[0.0; 3]; PIXELS];
+    let (mut fixed, mut pixels) = (Fixed::default(), [[0.0; 3]; PIXELS]);
     while let Some((patch, write)) = chosen.next() {
         let [rows, columns] = block.pixels_of(patch);
         let (basis, slots) = (block.basis_of(patch), &slots[block.slots_of(patch)]);
-        let mut ahead = &[][..];
         if let Some((next, _)) = chosen.peek() {
-            ahead = block.basis_of(*next).starts;
             let [rows, columns] = block.pixels_of(*next);
             block_rows[rows].iter().for_each(|row| kernel::ask_for(&row[columns.clone()]));
         }
         let components = components(slots).min(basis.components);
         if components > 0 {
-            kernel.pixels(&basis, ahead, slots, components, &mut pixels);
+            kernel.pixels(&basis, slots, components, (&mut fixed, &mut pixels));
         } else {
             pixels = [[0.0; 3]; PIXELS];
         }

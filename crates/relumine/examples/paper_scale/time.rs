@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use relumine::radiometry::{Image, Radiance, difference};
 use relumine::{Coefficients, Incremental, ReflectanceField, ResidentPacked};
 use relumine_field::packed::PackedBlock;
-use relumine_relight::{RelightError, ResidentBlock};
+use relumine_relight::{RelightError, ResidentBlock, TOLERANCE};
 use serde_json::{Value, json};
 
 use crate::Failure;
@@ -19,7 +19,7 @@ use crate::words::Words;
 const FRAMES: usize = 24;
 /// Coefficients that lie together in memory.
 const TOGETHER: usize = 8;
-/// Bytes of one component of the basis of a patch in memory: 8 × 8 pixels of three channels, and its step.
+/// Bytes of one component of the basis of a patch in memory: 8 × 8 pixels of three channels, and its step. They lie in pairs.
 const COMPONENT_BYTES: usize = 3 * 64 + 4;
 
 pub(crate) fn run(words: &Words) -> Result<Value, Failure> {
@@ -92,7 +92,7 @@ fn blocks(field: &ReflectanceField) -> Result<(Vec<ResidentBlock>, usize, Vec<u6
                 }
             }
         }
-        let bases = longest.iter().sum::<usize>() * COMPONENT_BYTES;
+        let bases = longest.iter().map(|longest| longest.next_multiple_of(2)).sum::<usize>() * COMPONENT_BYTES;
         Ok((ResidentBlock::new(&block, field.cells().squares())?, bases, groups))
     };
     let read: Vec<_> = (0..down * across).into_par_iter().map(read).collect::<Result<_, RelightError>>()?;
@@ -168,6 +168,12 @@ impl Timing<'_> {
         }
         let number = (2 * (frames.len() - 1)) as f64;
         let off = difference(incremental.picture(), &picture, None, false).map(|off| off.relative_l2);
+        if off.is_none_or(|off| off > TOLERANCE) {
+            return Err(format!(
+                "{name}: the picture that followed the light is off by {off:?} from the one relit anew"
+            )
+            .into());
+        }
         Ok(json!({
             "light": name,
             "update_ms": updates.report(),

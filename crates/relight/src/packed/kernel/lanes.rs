@@ -20,6 +20,8 @@ pub(super) trait Lanes: Copy {
     unsafe fn widen(from: *const i8) -> Self;
     unsafe fn add(self, other: Self) -> Self;
     unsafe fn mul(self, other: Self) -> Self;
+    /// The larger of both, as bits without their sign: for numbers the larger magnitude, and more than all if one is none.
+    unsafe fn max_magnitude(self, other: Self) -> Self;
 }
 
 /// Eight numbers, and four: a row of weights.
@@ -45,7 +47,7 @@ pub(super) fn prefetch(from: *const u8) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: asking for memory is allowed wherever it is, and every x86-64 can.
     unsafe {
-        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(from.cast());
+        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T1 }>(from.cast());
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = from;
@@ -90,6 +92,12 @@ impl Lanes for Plain {
     unsafe fn mul(self, other: Self) -> Self {
         Self(std::array::from_fn(|lane| self.0[lane] * other.0[lane]))
     }
+
+    #[inline(always)]
+    unsafe fn max_magnitude(self, other: Self) -> Self {
+        let bits = |value: f32| value.to_bits() & 0x7fff_ffff;
+        Self(std::array::from_fn(|lane| f32::from_bits(bits(self.0[lane]).max(bits(other.0[lane])))))
+    }
 }
 
 impl WithRows for Plain {
@@ -127,16 +135,15 @@ impl WithRows for Plain {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(super) use x86::{Eight, Sixteen};
+pub(super) use x86::Eight;
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::{
-        __m128, __m256, __m512, _mm_cmpneq_ps, _mm_load_ps, _mm_loadl_epi64, _mm_loadu_si128, _mm_movemask_ps,
-        _mm_mul_ps, _mm_or_ps, _mm_set1_ps, _mm_setzero_ps, _mm_store_ps, _mm_sub_ps, _mm256_add_ps,
-        _mm256_cvtepi8_epi32, _mm256_cvtepi32_ps, _mm256_loadu_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_storeu_ps,
-        _mm512_add_ps, _mm512_cvtepi8_epi32, _mm512_cvtepi32_ps, _mm512_loadu_ps, _mm512_mul_ps, _mm512_set1_ps,
-        _mm512_storeu_ps,
+        __m128, __m256, _mm_cmpneq_ps, _mm_load_ps, _mm_loadl_epi64, _mm_movemask_ps, _mm_mul_ps, _mm_or_ps,
+        _mm_set1_ps, _mm_setzero_ps, _mm_store_ps, _mm_sub_ps, _mm256_add_ps, _mm256_and_si256, _mm256_castps_si256,
+        _mm256_castsi256_ps, _mm256_cvtepi8_epi32, _mm256_cvtepi32_ps, _mm256_loadu_ps, _mm256_max_epu32,
+        _mm256_mul_ps, _mm256_set1_epi32, _mm256_set1_ps, _mm256_storeu_ps,
     };
 
     use super::{Lanes, WithRows};
@@ -179,6 +186,14 @@ mod x86 {
         unsafe fn mul(self, other: Self) -> Self {
             Self(unsafe { _mm256_mul_ps(self.0, other.0) })
         }
+
+        #[inline(always)]
+        unsafe fn max_magnitude(self, other: Self) -> Self {
+            unsafe {
+                let bits = |value| _mm256_and_si256(_mm256_castps_si256(value), _mm256_set1_epi32(i32::MAX));
+                Self(_mm256_castsi256_ps(_mm256_max_epu32(bits(self.0), bits(other.0))))
+            }
+        }
     }
 
     impl WithRows for Eight {
@@ -214,45 +229,6 @@ mod x86 {
             unsafe { _mm_movemask_ps(_mm_cmpneq_ps(four, _mm_setzero_ps())) == 0 }
         }
     }
-
-    /// Sixteen numbers of AVX-512.
-    #[derive(Clone, Copy)]
-    pub(in super::super) struct Sixteen(__m512);
-
-    // SAFETY of every block below: the caller's.
-    impl Lanes for Sixteen {
-        const COUNT: usize = 16;
-
-        #[inline(always)]
-        unsafe fn splat(value: f32) -> Self {
-            Self(unsafe { _mm512_set1_ps(value) })
-        }
-
-        #[inline(always)]
-        unsafe fn load(from: *const f32) -> Self {
-            Self(unsafe { _mm512_loadu_ps(from) })
-        }
-
-        #[inline(always)]
-        unsafe fn store(self, to: *mut f32) {
-            unsafe { _mm512_storeu_ps(to, self.0) }
-        }
-
-        #[inline(always)]
-        unsafe fn widen(from: *const i8) -> Self {
-            Self(unsafe { _mm512_cvtepi32_ps(_mm512_cvtepi8_epi32(_mm_loadu_si128(from.cast()))) })
-        }
-
-        #[inline(always)]
-        unsafe fn add(self, other: Self) -> Self {
-            Self(unsafe { _mm512_add_ps(self.0, other.0) })
-        }
-
-        #[inline(always)]
-        unsafe fn mul(self, other: Self) -> Self {
-            Self(unsafe { _mm512_mul_ps(self.0, other.0) })
-        }
-    }
 }
 
 #[cfg(target_arch = "aarch64")]
@@ -261,8 +237,8 @@ pub(super) use arm::Neon;
 #[cfg(target_arch = "aarch64")]
 mod arm {
     use std::arch::aarch64::{
-        float32x4_t, vaddq_f32, vcvtq_f32_s32, vdupq_n_f32, vget_high_s16, vget_low_s16, vld1_s8, vld1q_f32,
-        vmaxvq_u32, vmovl_s8, vmovl_s16, vmulq_f32, vorrq_u32, vreinterpretq_f32_u32, vreinterpretq_u32_f32,
+        float32x4_t, vabsq_f32, vaddq_f32, vcvtq_f32_s32, vdupq_n_f32, vget_high_s16, vget_low_s16, vld1_s8, vld1q_f32,
+        vmaxq_u32, vmaxvq_u32, vmovl_s8, vmovl_s16, vmulq_f32, vorrq_u32, vreinterpretq_f32_u32, vreinterpretq_u32_f32,
         vshlq_n_u32, vst1q_f32, vsubq_f32,
     };
 
@@ -312,6 +288,15 @@ mod arm {
         #[inline(always)]
         unsafe fn mul(self, other: Self) -> Self {
             unsafe { Self(vmulq_f32(self.0, other.0), vmulq_f32(self.1, other.1)) }
+        }
+
+        #[inline(always)]
+        unsafe fn max_magnitude(self, other: Self) -> Self {
+            unsafe {
+                let bits = |value| vreinterpretq_u32_f32(vabsq_f32(value));
+                let larger = |a, b| vreinterpretq_f32_u32(vmaxq_u32(bits(a), bits(b)));
+                Self(larger(self.0, other.0), larger(self.1, other.1))
+            }
         }
     }
 

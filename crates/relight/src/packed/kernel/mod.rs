@@ -1,21 +1,26 @@
 //! The loops that all the time goes into.
 //!
-//! Each loop is written once (`generic.rs`), over [`Lanes`], and compiled for each kind of machine. Lanes never meet but in the
-//! order that the loop says, and nothing is fused, so every version gives the same bits.
+//! Each loop is written once (`atoms.rs`, `pixels.rs`), over numbers side by side, and compiled for each kind of machine. Sums in
+//! single precision are taken in the order that the loop says and nothing in them is fused, others are of whole numbers, so every
+//! version gives the same bits.
 
-mod generic;
+mod atoms;
 mod lanes;
+mod pairs;
+mod pixels;
 #[cfg(test)]
 mod tests;
 
-use crate::packed::block::{Basis, COMPONENTS, PIXELS, Segment, Slot};
+use crate::packed::block::{Basis, COMPONENTS, PAIR, PIXELS, Segment, Slot};
 use crate::packed::weights::Row;
 use lanes::Lanes;
+pub(crate) use pixels::Fixed;
+use pixels::MOST_COMPONENTS;
 
 /// Adds the atoms of a position: all of them, or the first coefficients of the wholes.
 type Add = unsafe fn(&Segment<'_>, &[Row], &mut [Row], &mut [Slot]);
 /// Σ step · basis · v of a patch.
-type Pixels = unsafe fn(&Basis<'_>, &[u32], &[Slot], usize, &mut [[f32; 3]; PIXELS]);
+type Pixels = unsafe fn(&Basis<'_>, &[Slot], usize, (&mut Fixed, &mut [[f32; 3]; PIXELS]));
 
 /// Asks for memory that will be needed soon.
 pub(super) fn ask_for<T: ?Sized>(value: &T) {
@@ -55,6 +60,9 @@ impl Kernel {
             let wide = is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw");
             if wide && is_x86_feature_detected!("avx512vl") && is_x86_feature_detected!("avx512dq") {
                 kernels.push(avx512::KERNEL);
+                if is_x86_feature_detected!("avx512vnni") {
+                    kernels.push(avx512_vnni::KERNEL);
+                }
             }
         }
         #[cfg(target_arch = "aarch64")]
@@ -109,36 +117,33 @@ impl Kernel {
         }
     }
 
-    /// Σ step · basis · v over the first `components` of a patch: its 8 × 8 pixels, row-major. `ahead` says where the basis
-    /// begins that will be needed next.
+    /// Σ step · basis · v over the first `components` of a patch: its 8 × 8 pixels, row-major, and room for what lies
+    /// between.
     pub(super) fn pixels(
         &self,
         basis: &Basis<'_>,
-        ahead: &[u32],
         slots: &[Slot],
         components: usize,
-        out: &mut [[f32; 3]; PIXELS],
+        out: (&mut Fixed, &mut [[f32; 3]; PIXELS]),
     ) {
         let groups = components.div_ceil(COMPONENTS);
+        assert!(components <= MOST_COMPONENTS, "more components than a basis has");
         assert!(groups <= slots.len() && groups <= basis.steps.len(), "components that the patch has not");
-        for (group, start) in basis.starts[..groups].iter().enumerate() {
-            let end = *start as usize + COMPONENTS.min(components - group * COMPONENTS);
-            assert!(end * 3 * PIXELS <= basis.values.len(), "components that the basis has not");
-        }
+        assert!(components.div_ceil(2) * PAIR <= basis.values.len(), "components that the basis has not");
         // SAFETY: kernels are only made for machines that have their features, and all parts are long enough.
         #[allow(unsafe_code)]
         unsafe {
-            (self.pixels)(basis, ahead, slots, components, out);
+            (self.pixels)(basis, slots, components, out);
         }
     }
 }
 
-/// The loops of `generic.rs`, compiled with the given features.
+/// The loops, compiled with the given features.
 macro_rules! kernel {
-    ($module:ident, $name:literal, $eight:ty, $wide:ty, $(#[$features:meta])*) => {
+    ($module:ident, $name:literal, $eight:ty, $pairs:ty, $(#[$features:meta])*) => {
         #[allow(unsafe_code)]
         mod $module {
-            use super::{Basis, Kernel, PIXELS, Row, Segment, Slot, generic, lanes};
+            use super::{Basis, Fixed, Kernel, PIXELS, Row, Segment, Slot, atoms, lanes, pairs};
 
             pub(super) const KERNEL: Kernel =
                 Kernel { name: $name, add: add::<false>, add_sparse: add::<true>, add_wholes, pixels };
@@ -153,7 +158,7 @@ macro_rules! kernel {
                 slots: &mut [Slot],
             ) {
                 // SAFETY: the caller's.
-                unsafe { generic::add::<$eight, SPARSE>(segment, table, weights, slots) }
+                unsafe { atoms::add::<$eight, SPARSE>(segment, table, weights, slots) }
             }
 
             /// # Safety
@@ -161,7 +166,7 @@ macro_rules! kernel {
             $(#[$features])*
             unsafe fn add_wholes(segment: &Segment<'_>, table: &[Row], _: &mut [Row], slots: &mut [Slot]) {
                 // SAFETY: the caller's.
-                unsafe { generic::add_wholes::<$eight>(segment, table, slots) }
+                unsafe { atoms::add_wholes::<$eight>(segment, table, slots) }
             }
 
             /// # Safety
@@ -169,28 +174,35 @@ macro_rules! kernel {
             $(#[$features])*
             unsafe fn pixels(
                 basis: &Basis<'_>,
-                ahead: &[u32],
                 slots: &[Slot],
                 components: usize,
-                out: &mut [[f32; 3]; PIXELS],
+                out: (&mut Fixed, &mut [[f32; 3]; PIXELS]),
             ) {
                 // SAFETY: the caller's.
-                unsafe { generic::pixels::<$wide>(basis, ahead, slots, components, out) }
+                unsafe { super::pixels::pixels::<$eight, $pairs>(basis, slots, components, out) }
             }
         }
     };
 }
 
-kernel!(plain, "plain", lanes::Plain, lanes::Plain,);
+kernel!(plain, "plain", lanes::Plain, pairs::Plain,);
 #[cfg(target_arch = "x86_64")]
-kernel!(avx2, "AVX2", lanes::Eight, lanes::Eight, #[target_feature(enable = "avx2")]);
+kernel!(avx2, "AVX2", lanes::Eight, pairs::Eight, #[target_feature(enable = "avx2")]);
 #[cfg(target_arch = "x86_64")]
 kernel!(
     avx512,
     "AVX-512",
     lanes::Eight,
-    lanes::Sixteen,
+    pairs::Sixteen,
     #[target_feature(enable = "avx2,avx512f,avx512bw,avx512vl,avx512dq")]
 );
+#[cfg(target_arch = "x86_64")]
+kernel!(
+    avx512_vnni,
+    "AVX-512 with VNNI",
+    lanes::Eight,
+    pairs::SixteenFused,
+    #[target_feature(enable = "avx2,avx512f,avx512bw,avx512vl,avx512dq,avx512vnni")]
+);
 #[cfg(target_arch = "aarch64")]
-kernel!(neon, "NEON", lanes::Neon, lanes::Neon, #[target_feature(enable = "neon")]);
+kernel!(neon, "NEON", lanes::Neon, pairs::Neon, #[target_feature(enable = "neon")]);

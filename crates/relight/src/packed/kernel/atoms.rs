@@ -1,8 +1,8 @@
-//! The loops, over lanes of any width.
+//! From the atoms of a position to the sums v, over eight numbers side by side.
 #![allow(unsafe_code)]
 
 use super::lanes::{WithRows, prefetch};
-use super::{Basis, Lanes, PIXELS, Row, Segment, Slot};
+use super::{Lanes, Row, Segment, Slot};
 use crate::packed::block::COMPONENTS;
 
 /// 2^exponent.
@@ -245,86 +245,6 @@ pub(super) unsafe fn add_wholes<L: WithRows>(segment: &Segment<'_>, table: &[Row
             L::store_four(L::scale_four(main, power), &mut weight);
             let more = times(&weight, coefficients::<L>(segment.whole_coefficients, whole));
             add_to(slots.get_unchecked_mut(word(segment.slots, whole)), more);
-        }
-    }
-}
-
-/// Σ step · basis · v over the first `components`, in their order, into the pixels of a patch. As much is asked for of the basis
-/// that begins at `ahead`.
-///
-/// # Safety
-/// There must be as many steps, vectors of the basis and sums in `slots`.
-#[inline(always)]
-pub(super) unsafe fn pixels<L: Lanes>(
-    basis: &Basis<'_>,
-    ahead: &[u32],
-    slots: &[Slot],
-    components: usize,
-    out: &mut [[f32; 3]; PIXELS],
-) {
-    let mut planes = [[0.0f32; PIXELS]; 3];
-    // SAFETY: the caller's.
-    unsafe {
-        // All channels at once where there are registers for their sums, else one after the other.
-        if L::COUNT >= 16 {
-            planes_of::<L, 3>(basis, ahead, slots, components, 0, &mut planes);
-        } else {
-            for channel in 0..3 {
-                planes_of::<L, 1>(basis, ahead, slots, components, channel, &mut planes);
-            }
-        }
-    }
-    for (pixel, out) in out.iter_mut().enumerate() {
-        *out = [planes[0][pixel], planes[1][pixel], planes[2][pixel]];
-    }
-}
-
-/// The pixels of `CHANNELS` channels.
-///
-/// # Safety
-/// As [`pixels`].
-#[inline(always)]
-unsafe fn planes_of<L: Lanes, const CHANNELS: usize>(
-    basis: &Basis<'_>,
-    ahead: &[u32],
-    slots: &[Slot],
-    components: usize,
-    first: usize,
-    planes: &mut [[f32; PIXELS]; 3],
-) {
-    const PLANE: usize = PIXELS;
-    const COMPONENT: usize = 3 * PLANE;
-    // SAFETY: each component has PIXELS values a channel; the rest is the caller's.
-    unsafe {
-        let mut sums = [[L::splat(0.0); PIXELS / 8]; CHANNELS];
-        for group in 0..components.div_ceil(COMPONENTS) {
-            let (slot, steps) = (slots.get_unchecked(group), basis.steps.get_unchecked(group));
-            if slot.is_zero() {
-                continue;
-            }
-            let mut values = *slot;
-            for channel in &mut values.0 {
-                channel.iter_mut().zip(steps).for_each(|(value, step)| *value *= step);
-            }
-            let from = basis.values.as_ptr().add(*basis.starts.get_unchecked(group) as usize * COMPONENT);
-            let next =
-                ahead.get(group).map_or(from, |start| basis.values.as_ptr().wrapping_add(*start as usize * COMPONENT));
-            for component in 0..COMPONENTS.min(components - group * COMPONENTS) {
-                for (index, sums) in sums.iter_mut().enumerate() {
-                    let channel = first + index;
-                    let offset = component * COMPONENT + channel * PLANE;
-                    prefetch(next.wrapping_add(offset).cast());
-                    let value = L::splat(values.0[channel][component]);
-                    for (index, sum) in sums.iter_mut().enumerate().take(PLANE / L::COUNT) {
-                        *sum = sum.add(value.mul(L::widen(from.add(offset + index * L::COUNT))));
-                    }
-                }
-            }
-        }
-        for (index, sums) in sums.iter().enumerate() {
-            for (index_in, sum) in sums.iter().enumerate().take(PLANE / L::COUNT) {
-                sum.store(planes[first + index].as_mut_ptr().add(index_in * L::COUNT));
-            }
         }
     }
 }
