@@ -17,6 +17,8 @@ import argparse, datetime, hashlib, json, math, os, pathlib, platform, re, resou
 
 import numpy
 
+import rigs
+
 root = pathlib.Path(__file__).resolve().parent.parent
 home = root / "benches/end_to_end"
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -116,51 +118,8 @@ def read_hdr(path):
 
 
 def rig(scene, size, grid, scheme, samples, bounces, exposure_s, noise):
-    azimuths, tilts = grid.split("x")
-    width, height = size.split("x")
-    patterns = 'scheme = "combs"\nspacing = 3' if scheme == "combs" else 'scheme = "squares"'
-    # A black level above zero, as cameras have it: below zero the noise of dark pixels would be cut off by the camera.
-    return f"""format = "relumine-rig/1"
-
-[hemisphere]
-radius_m = 4.0
-azimuths = {azimuths}
-tilts = {tilts}
-object_radius_m = 0.89
-
-[projector]
-squares = {SQUARES[grid]}
-half_width = 0.23
-intensity_w_sr = 50
-
-[patterns]
-{patterns}
-
-[camera]
-width = {width}
-height = {height}
-response = "linear"
-black_level = 1024
-white_level = 65535
-exposures_s = [{exposure_s}]
-
-[drivers]
-stage = "simulated"
-projector = "simulated"
-camera = "simulated"
-
-[simulated]
-scene = "{scene}"
-samples = {samples}
-bounces = {bounces}
-seed = 0
-projector_black = 0.002
-
-[simulated.sensor]
-full_well_e = {"60_000" if noise else "1e10"}
-read_noise_e = {5 if noise else 0}
-bits = 16
-"""
+    electrons = ("60_000", 5) if noise else rigs.NOISELESS
+    return rigs.board(scene, size, grid, SQUARES[grid], scheme, samples, bounces, exposure_s, electrons)
 
 
 def described(scene):

@@ -16,6 +16,8 @@ import argparse, datetime, hashlib, json, os, pathlib, platform, re, shutil, sub
 
 import numpy, OpenEXR
 
+import rigs
+
 root = pathlib.Path(__file__).resolve().parent.parent
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 parser.add_argument("--relumine", type=pathlib.Path, default=root / "target/release/relumine")
@@ -50,50 +52,10 @@ def picture(path):
 
 
 def rig(run, scheme, noise):
-    azimuths, tilts, squares = run.split("x")
-    width, height = arguments.size.split("x")
-    patterns = 'scheme = "combs"\nspacing = 3' if scheme == "combs" else 'scheme = "squares"'
-    return f"""format = "relumine-rig/1"
-
-[hemisphere]
-radius_m = 4.0
-azimuths = {azimuths}
-tilts = {tilts}
-object_radius_m = 0.89
-
-[projector]
-squares = {squares}
-half_width = 0.23
-intensity_w_sr = 50
-
-[patterns]
-{patterns}
-
-[camera]
-width = {width}
-height = {height}
-response = "linear"
-black_level = 1024
-white_level = 65535
-exposures_s = [0.5]
-
-[drivers]
-stage = "simulated"
-projector = "simulated"
-camera = "simulated"
-
-[simulated]
-scene = "{root / "examples/chess/scene.toml"}"
-samples = {arguments.samples}
-bounces = 4
-seed = 0
-projector_black = 0.002
-
-[simulated.sensor]
-full_well_e = {"20_000" if noise else "1e10"}
-read_noise_e = {6 if noise else 0}
-bits = 16
-"""
+    grid, squares = run.rsplit("x", 1)
+    electrons = ("20_000", 6) if noise else rigs.NOISELESS
+    scene = root / "examples/chess/scene.toml"
+    return rigs.board(scene, arguments.size, grid, squares, scheme, arguments.samples, 4, 0.5, electrons)
 
 
 def fields(run):

@@ -53,9 +53,15 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
                 let reason = "--light goes with --against FIELD: a capture has its own lights, the patterns";
                 return Err(Failure::usage(reason));
             }
+            if arguments.projection.are_given() {
+                return Err(Failure::usage("how light is projected matters with --against FIELD only"));
+            }
             return against::a_capture(path, reference);
         }
         return against::another_field(path, reference, &arguments.lights, &arguments.projection, talk);
+    }
+    if arguments.projection.are_given() {
+        return Err(Failure::usage("how light is projected matters with --against FIELD only"));
     }
     if !path.exists() {
         return Err(Failure::failed(format!("{} is not there", path.display())));

@@ -19,6 +19,7 @@ mod progress;
 mod projection;
 mod relight;
 mod render;
+mod response;
 
 use std::process::ExitCode;
 

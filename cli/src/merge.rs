@@ -4,18 +4,19 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use relumine::radiometry::files::{self, ExrSample};
-use relumine::radiometry::{Counts, Image, Linear, Merged, NoiseModel, Response, ResponseCurve, Visibility, read_text};
+use relumine::radiometry::{Counts, Image, Linear, Merged, NoiseModel, Visibility};
 use relumine::{Bracket, BracketResponse, ExposureList, Levels, MergedBracket};
 
 use crate::failure::Failure;
 use crate::output::{PictureFormat, refuse_existing};
 use crate::progress::Talk;
+use crate::response;
 
 /// Merge photographs of one view at several exposures into one radiance picture
 ///
 /// PICTURES are JPEG, TIFF, PNG or camera RAW with their exposures in EXIF; or --list names them. Radiance is in the unit of
 /// 1/exposure: seconds, or seconds · iso/100 / f² where every photograph says its sensitivity and aperture. Weights are those
-/// of photon noise, read noise and rounding; clipped pixels never enter.
+/// of photon noise, read noise, rounding and of what the photographs are found to differ by; clipped pixels never enter.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Photographs with their exposures in EXIF
@@ -127,19 +128,7 @@ fn response_of(name: Option<&str>, bracket: &Bracket) -> Result<BracketResponse,
     let unsaid = if bracket.is_raw { "linear" } else { "recover" };
     Ok(match name.unwrap_or(unsaid) {
         "recover" => BracketResponse::Recover,
-        "srgb" => BracketResponse::Known(Response::Srgb),
-        "linear" => BracketResponse::Known(Response::Linear),
-        file => {
-            let path = Path::new(file);
-            let text = read_text(path).map_err(|error| {
-                Failure::failed(error.to_string())
-                    .with_hint("--response takes recover, srgb, linear or a response file")
-            })?;
-            let curve = ResponseCurve::parse(path, &text).map_err(|error| {
-                Failure::incomplete(error.to_string()).with_hint("FORMAT.md describes response files")
-            })?;
-            BracketResponse::Known(Response::Curve(curve))
-        }
+        name => BracketResponse::Known(response::named(name)?),
     })
 }
 
@@ -178,6 +167,8 @@ fn say(bracket: &Bracket, result: &MergedBracket, talk: &Talk) {
         let (file, used) = (photograph.file.display(), 100.0 * result.merged.used[index]);
         talk.say(format!("{file}: exposure {:.6}{refined}, {used:.1} % of it used", photograph.exposure));
     }
+    let middle = result.disagreement.at_middle().map(|share| format!("{:.1} %", 100.0 * share)).join(", ");
+    talk.say(format!("single photographs are off from all by {middle} at middle codes (red, green, blue; typically)"));
     for ratio in result.refined.iter().flat_map(|refined| &refined.ratios).filter(|ratio| ratio.samples == 0) {
         talk.say(format!("a ratio of exposures of {:.4} could not be measured and stays", ratio.nominal));
     }

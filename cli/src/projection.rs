@@ -56,6 +56,16 @@ enum Kind {
 }
 
 impl ProjectionArguments {
+    /// Whether any of them says something else than it does by default.
+    pub(crate) fn are_given(&self) -> bool {
+        let Self { between, light_map, samples, object_radius, kind } = self;
+        !matches!(between, Between::Linear)
+            || *light_map
+            || *samples != ProjectionOptions::default().samples
+            || object_radius.is_some()
+            || kind.is_some()
+    }
+
     /// Reads a light and projects it, saying what a person should know.
     pub(crate) fn project(&self, light: &Path, cells: &Cells, talk: &Talk) -> Result<Projected, Failure> {
         if self.object_radius.is_some_and(|radius| radius.is_nan() || radius <= 0.0) {

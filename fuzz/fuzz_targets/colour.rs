@@ -5,7 +5,8 @@
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use relumine_radiometry::colour::{Chart, ColourProfile, Homography, Illuminant, Reference};
+use relumine_radiometry::Homography;
+use relumine_radiometry::colour::{Chart, ColourProfile, Illuminant, Reference};
 
 fuzz_target!(|text: &str| {
     let (kind, text) = text.split_at_checked(1).unwrap_or_default();

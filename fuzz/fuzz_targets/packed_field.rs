@@ -17,7 +17,7 @@ struct Field {
     path: std::path::PathBuf,
 }
 
-/// Nine positions, so that atoms lie in two chunks; 2 × 2 squares, 20 × 3 pixels: one block of three patches.
+/// Nine positions, 2 × 2 squares, 20 × 3 pixels: one block of three patches.
 static FIELD: LazyLock<Field> = LazyLock::new(|| {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("small.field");
@@ -48,21 +48,20 @@ fuzz_target!(|bytes: &[u8]| {
     let name = match kind {
         b'p' => return parse(bytes),
         b'g' => "zarr.json",
-        b'b' => "packed/0-0/basis/c/0/0/0/0",
-        b't' => "packed/0-0/steps/c/0/0/0",
+        b'k' => "packed/0-0/zarr.json",
         b'c' => "checksums.b3",
-        _ => "packed/0-0/atoms/c/0/0",
+        _ => ROWS,
     };
     let file = FIELD.path.join(name);
     let whole = fs::read(&file).expect("a file of the field");
     let mut bytes = bytes.to_vec();
     match kind {
         b'a' | b'd' => {
-            // `d`: the atoms of each chunk themselves, which are compressed; with the index's checksum made right in any case.
+            // `d`: the rows themselves, which are compressed; with the index's checksum made right in any case.
             if *kind == b'd' {
                 bytes = shard(&bytes);
             }
-            let index = bytes.len().saturating_sub(2 * 16);
+            let index = bytes.len().saturating_sub(rows() * 16);
             bytes.extend(crc32c::crc32c(&bytes[index..]).to_le_bytes());
         }
         _ => {}
@@ -75,15 +74,24 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// The bytes cut in two chunks of the length that the field's record has, as frames that are not compressed, and their index.
+/// The file of the block: bases, steps and atoms.
+const ROWS: &str = "packed/0-0/c.0.0";
+
+/// Rows of the block: its bases in eights, the steps, and nine positions.
+fn rows() -> usize {
+    let field = ReflectanceField::open(&FIELD.path).expect("the field");
+    field.block_records()[0].rank.div_ceil(8) + 1 + 9
+}
+
+/// The bytes cut in rows of the length that the field's record has, as frames that are not compressed, and their index.
 fn shard(bytes: &[u8]) -> Vec<u8> {
     let field = ReflectanceField::open(&FIELD.path).expect("the field");
     let length = field.block_records()[0].bytes;
     let mut padded = bytes.to_vec();
-    padded.resize(2 * length, 0);
+    padded.resize(rows() * length, 0);
     let (mut shard, mut index) = (Vec::new(), Vec::new());
-    for chunk in padded.chunks_exact(length) {
-        let frame = frame(chunk);
+    for row in padded.chunks_exact(length) {
+        let frame = frame(row);
         index.extend((shard.len() as u64).to_le_bytes());
         index.extend((frame.len() as u64).to_le_bytes());
         shard.extend(frame);

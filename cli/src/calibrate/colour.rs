@@ -5,16 +5,17 @@ mod report;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use relumine::radiometry::Response;
 use relumine::radiometry::colour::{
     Chart, ColourError, ColourFit, ColourProfile, Fitted, Illuminant, LeftOut, Measurement, Model, Photograph,
     Reference, measure,
 };
 use relumine::radiometry::files;
-use relumine::radiometry::{Response, ResponseCurve, read_text};
 
 use crate::failure::Failure;
 use crate::output::{PictureFormat, refuse_existing};
 use crate::progress::Talk;
+use crate::response;
 
 /// Fit a camera's colour correction to a photograph of a ColorChecker
 ///
@@ -191,13 +192,8 @@ fn photograph(arguments: &Arguments) -> Result<Photograph, Failure> {
     let path = &arguments.photograph;
     let picture = files::read_picture(path)?;
     let response = match (arguments.response.as_deref(), &picture) {
-        (Some("linear"), _) | (None, files::Picture::Float(_)) => Response::Linear,
-        (Some("srgb"), _) => Response::Srgb,
-        (Some(file), _) => {
-            let file = Path::new(file);
-            let curve = read_text(file).map_err(ColourError::from)?;
-            Response::Curve(ResponseCurve::parse(file, &curve).map_err(relumine::CaptureError::from)?)
-        }
+        (Some(name), _) => response::named(name)?,
+        (None, files::Picture::Float(_)) => Response::Linear,
         (None, files::Picture::Integer { .. }) => {
             return Err(Failure::usage(format!(
                 "{}: a {} does not say how its codes follow from light: give --response linear, srgb or a response file",

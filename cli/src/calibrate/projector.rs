@@ -8,11 +8,12 @@ use clap::Args;
 use relumine::CardPhotographs;
 use relumine::radiometry::files::write_atomically;
 use relumine::radiometry::projector::{FlatField, LevelRamp, PatternView, RampEntry};
-use relumine::radiometry::{Response, ResponseCurve, read_bounded};
+use relumine::radiometry::read_bounded;
 
 use crate::failure::{Failure, printed};
 use crate::output::refuse_existing;
 use crate::progress::Talk;
+use crate::response;
 
 /// Measure a projector from photographs of a flat, matte, white card that fills its pattern, across its axis
 ///
@@ -86,7 +87,7 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
         refuse_existing(output, arguments.force)?;
     }
     let photographs = CardPhotographs {
-        response: response(&arguments.response)?,
+        response: response::named(&arguments.response)?,
         black_level: arguments.black_level,
         white_level: arguments.white_level,
     };
@@ -112,29 +113,16 @@ pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     Ok(())
 }
 
-fn response(name: &str) -> Result<Response, Failure> {
-    Ok(match name {
-        "linear" => Response::Linear,
-        "srgb" => Response::Srgb,
-        file => {
-            let path = Path::new(file);
-            let curve = ResponseCurve::parse(path, &relumine::radiometry::read_text(path).map_err(readable)?);
-            Response::Curve(curve.map_err(|error| Failure::incomplete(error.to_string()))?)
-        }
-    })
-}
-
-fn readable(error: impl std::fmt::Display) -> Failure {
-    Failure::incomplete(error.to_string()).with_hint("--response is linear, srgb, or a file as FORMAT.md describes it")
-}
-
 /// The flat field as a part of capture.toml.
 fn snippet(found: &FlatField) -> String {
     let mut text =
         String::from("# Measured by `relumine calibrate projector`: put this under [projector] in capture.toml.\n");
     let [red, green, blue] = found.white_balance;
     // Comments: capture.toml has no keys for these.
-    let _ = writeln!(text, "# white balance (gains that make white grey): {red:.4} {green:.4} {blue:.4}");
+    let _ = writeln!(
+        text,
+        "# white balance (gains that make white grey of the same luminance): {red:.4} {green:.4} {blue:.4}"
+    );
     if let Some(b) = found.black_level {
         let _ =
             writeln!(text, "# black level b: {b:.6} (`develop` measures it at each position, or takes --black-level)");

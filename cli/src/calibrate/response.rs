@@ -5,15 +5,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use relumine::radiometry::files::write_atomically;
-use relumine::radiometry::{
-    ChannelFit, RecoveredResponse, Response, ResponseCurve, read_text, recover_response, response_plot,
-};
+use relumine::radiometry::{ChannelFit, RecoveredResponse, Response, ResponseCurve, recover_response, response_plot};
 use relumine::{Bracket, ExposureList, Levels};
 use serde_json::json;
 
 use crate::failure::{Failure, printed};
 use crate::output::refuse_existing;
 use crate::progress::Talk;
+use crate::response::read_curve;
 
 /// Recover the camera's response from photographs of one view at several exposures
 ///
@@ -60,7 +59,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments, talk: &Talk) -> Result<(), Failure> {
     check_outputs(arguments)?;
-    let beside = arguments.beside.as_deref().map(read_curve).transpose()?;
+    let beside = arguments.beside.as_deref().map(|path| read_curve(path, "--beside")).transpose()?;
     let levels = Levels { black: arguments.black_level, white: arguments.white_level };
     let bracket = match &arguments.list {
         Some(list) => Bracket::read_list(&ExposureList::read(list, arguments.reciprocal)?, levels)?,
@@ -112,14 +111,6 @@ fn check_outputs(arguments: &Arguments) -> Result<(), Failure> {
         }
         None => Ok(()),
     }
-}
-
-fn read_curve(path: &Path) -> Result<ResponseCurve, Failure> {
-    let text = read_text(path).map_err(|error| {
-        Failure::failed(error.to_string()).with_hint("--beside takes a response file; FORMAT.md describes them")
-    })?;
-    ResponseCurve::parse(path, &text)
-        .map_err(|error| Failure::incomplete(error.to_string()).with_hint("FORMAT.md describes response files"))
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), Failure> {

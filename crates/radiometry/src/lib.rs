@@ -2,7 +2,7 @@
 //! display (paper, §4.2).
 //!
 //! Everything is scene-linear with Rec. 709 primaries unless its type says otherwise. This room does not know positions,
-//! squares or lamps and reads no camera RAW yet.
+//! squares or lamps.
 
 pub mod colour;
 mod description;
@@ -10,20 +10,23 @@ mod difference;
 mod display;
 mod exposure;
 pub mod files;
+mod homography;
 mod image;
 mod merge;
 mod noise;
 pub mod projector;
 mod response;
+mod solve;
 
 pub use description::{DescriptionError, nearest, parse_toml, read_bounded, read_text};
 pub use difference::{Difference, difference};
 pub use display::{Display, Tone, srgb_decode, srgb_encode};
 pub use exposure::{ExposureSettings, Gain};
+pub use homography::Homography;
 pub use image::{Counts, Encoded, Image, Linear, Linearity, Quantity, Radiance, Transfer};
 pub use merge::{
-    ExposureRatio, Merged, NoiseModel, RefinedExposures, Visibility, merge_counts, merge_counts_plain, merge_linear,
-    refine_exposures,
+    Disagreement, ExposureRatio, Merged, NoiseModel, RefinedExposures, Visibility, merge_counts,
+    merge_counts_disagreeing, merge_counts_disagreeing_plain, merge_counts_plain, merge_linear, refine_exposures,
 };
 pub use noise::{NoiseCurve, NoiseSamples};
 pub use response::{

@@ -12,9 +12,11 @@
 //!   A pixel that touches a clipped one (in any channel, also across a corner) of the same exposure is left out there, if it
 //!   is brighter than the shorter exposures say by more than two standard deviations of the difference.
 //! - Code 0 may be anything below: it enters only where no exposure saw more.
+//! - What photographs differ by beyond their noise can be measured in them and enter the weights ([`Disagreement`]).
 //!
 //! The plain version is in `plain.rs`, the fast one, from tables, in `fast.rs`.
 
+mod disagreement;
 mod fast;
 mod plain;
 mod refine;
@@ -22,7 +24,8 @@ mod refine;
 #[cfg(test)]
 mod tests;
 
-pub use plain::merge_counts_plain;
+pub use disagreement::Disagreement;
+pub use plain::{merge_counts_disagreeing_plain, merge_counts_plain};
 pub use refine::{ExposureRatio, RefinedExposures, refine_exposures};
 
 use crate::{Counts, Image, Linear, Linearization, Radiance};
@@ -98,6 +101,20 @@ pub fn merge_counts(photographs: &[(&Image<Counts>, f64)], camera: &Linearizatio
     fast::merge(&Stack::new(photographs, camera, noise))
 }
 
+/// As [`merge_counts`], weighted also by how far the photographs were found to be off at each code. Where that is more than
+/// the noise model foresees, the variance follows it.
+///
+/// # Panics
+/// If there is no photograph or their sizes differ.
+pub fn merge_counts_disagreeing(
+    photographs: &[(&Image<Counts>, f64)],
+    camera: &Linearization,
+    noise: NoiseModel,
+    disagreement: &Disagreement,
+) -> Merged {
+    fast::merge(&Stack { disagreement: Some(disagreement), ..Stack::new(photographs, camera, noise) })
+}
+
 /// Photographs with the shortest exposure first, and what is asked of their counts.
 struct Stack<'a> {
     exposures: Vec<Exposed<'a>>,
@@ -105,6 +122,7 @@ struct Stack<'a> {
     height: usize,
     camera: &'a Linearization,
     noise: NoiseModel,
+    disagreement: Option<&'a Disagreement>,
     /// Counts from here on may be clipped by noise.
     near_white: u16,
 }
@@ -127,7 +145,7 @@ impl<'a> Stack<'a> {
         exposures.sort_by(|a, b| a.t.total_cmp(&b.t));
         let range = f64::from(camera.white_level() - camera.black_level());
         let near_white = camera.white_level() - (range * NEAR_WHITE).ceil() as u16;
-        Self { exposures, width, height, camera, noise, near_white }
+        Self { exposures, width, height, camera, noise, disagreement: None, near_white }
     }
 
     /// Counts that enter without a question: above the floor of the converter and safely below white.

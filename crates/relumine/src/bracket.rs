@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use relumine_radiometry::files::{self, ExifExposure, Photograph, Picture, RawLevels};
 use relumine_radiometry::{
-    Counts, Image, Linearization, Merged, NoiseModel, RecoveredResponse, RefinedExposures, Response, merge_counts,
-    recover_response, refine_exposures,
+    Counts, Disagreement, Image, Linearization, Merged, NoiseModel, RecoveredResponse, RefinedExposures, Response,
+    merge_counts_disagreeing, recover_response, refine_exposures,
 };
 
 use crate::Error;
@@ -67,6 +67,8 @@ pub struct MergedBracket {
     pub recovered: Option<RecoveredResponse>,
     /// The exposures that the bracket told, if it was asked.
     pub refined: Option<RefinedExposures>,
+    /// How far the photographs are off from what they show together; it is in the weights.
+    pub disagreement: Disagreement,
 }
 
 /// More photographs than any bracket has.
@@ -149,7 +151,8 @@ impl Bracket {
         self.photographs.iter().map(|photograph| (&photograph.image, photograph.exposure)).collect()
     }
 
-    /// Merges the bracket, with the exposures as they are told or, if `refine`, as the photographs show them.
+    /// Merges the bracket, with the exposures as they are told or, if `refine`, as the photographs show them. What the
+    /// photographs differ by enters the weights.
     ///
     /// # Errors
     /// If the response is to be recovered and cannot be.
@@ -175,7 +178,9 @@ impl Bracket {
         if let Some(refined) = &refined {
             exposed.iter_mut().zip(&refined.exposures).for_each(|(photograph, exposure)| photograph.1 = *exposure);
         }
-        Ok(MergedBracket { merged: merge_counts(&exposed, &camera, noise), recovered, refined })
+        let disagreement = Disagreement::measure(&exposed, &camera, noise);
+        let merged = merge_counts_disagreeing(&exposed, &camera, noise, &disagreement);
+        Ok(MergedBracket { merged, recovered, refined, disagreement })
     }
 }
 

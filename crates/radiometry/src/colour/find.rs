@@ -9,12 +9,13 @@ mod regions;
 
 use super::ColourError;
 use super::chart::Chart;
-use super::homography::Homography;
 use super::measure::Photograph;
 use super::reference::Reference;
-use super::solve::least_squares;
 use lattice::{Lattice, lattices};
 use regions::{Reduced, regions};
+
+use crate::Homography;
+use crate::solve::least_squares;
 
 /// Colours that are explained to less than this share (R²) are not the chart's.
 const LEAST_AGREEMENT: f64 = 0.8;

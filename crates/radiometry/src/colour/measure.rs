@@ -2,9 +2,8 @@
 
 use super::ColourError;
 use super::chart::Chart;
-use super::homography::Homography;
 use crate::files::Picture;
-use crate::{Image, Linear, Linearization, Response};
+use crate::{Homography, Image, Linear, Linearization, Response};
 
 /// A patch with more clipped pixels than this share is not measured.
 const CLIPPED_SHARE: f64 = 0.02;

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::plain::BLOOMING_SIGMAS;
-use super::{Merged, Stack, Visibility, of_pixel};
+use super::{Disagreement, Merged, Stack, Visibility, of_pixel};
 use crate::Image;
 
 /// Pixels that one task merges, about: whole rows.
@@ -18,9 +18,12 @@ const BLOCK: usize = 1 << 12;
 /// safe.
 type Table = Vec<[f32; 2]>;
 
+/// Per code: the variance that photographs were found to differ by, as a share of the exposure's square.
+type Shares = Vec<f32>;
+
 pub(super) fn merge(stack: &Stack<'_>) -> Merged {
     let (width, height) = (stack.width, stack.height);
-    let tables = tables(stack);
+    let (tables, shares) = (tables(stack), shares(stack));
     let mut radiance = vec![[0.0; 3]; width * height];
     let mut variance = vec![[0.0; 3]; width * height];
     let mut visibility = vec![Visibility::Seen; width * height];
@@ -30,7 +33,7 @@ pub(super) fn merge(stack: &Stack<'_>) -> Merged {
     let used = bands
         .enumerate()
         .map(|(index, ((radiance, variance), visibility))| {
-            merge_band(stack, &tables, index * band, radiance, variance, visibility)
+            merge_band(stack, (&tables, shares.as_ref()), index * band, radiance, variance, visibility)
         })
         .reduce(|| vec![0; stack.exposures.len()], |a, b| a.iter().zip(b).map(|(a, b)| a + b).collect());
     Merged { radiance: Image::from_pixels(width, height, radiance), variance, visibility, used: stack.shares(&used) }
@@ -48,10 +51,16 @@ fn tables(stack: &Stack<'_>) -> [Table; 3] {
     })
 }
 
+fn shares(stack: &Stack<'_>) -> Option<[Shares; 3]> {
+    let codes = || 0..=stack.camera.white_level();
+    let of = |disagreement: &Disagreement, channel| codes().map(|code| disagreement.share(channel, code)).collect();
+    stack.disagreement.map(|disagreement| std::array::from_fn(|channel| of(disagreement, channel)))
+}
+
 /// Merges the pixels from `start` on; gives how many samples of each exposure entered.
 fn merge_band(
     stack: &Stack<'_>,
-    tables: &[Table; 3],
+    (tables, shares): (&[Table; 3], Option<&[Shares; 3]>),
     start: usize,
     radiance: &mut [[f32; 3]],
     variance: &mut [[f32; 3]],
@@ -68,7 +77,14 @@ fn merge_band(
         let beside = |exposure: usize| {
             beside_clipped[exposure].get(offset..(offset + size).min(length)).filter(|flags| flags.contains(&ANY))
         };
-        block.merge(stack, tables, start + offset, beside, radiance.as_flattened_mut(), variance.as_flattened_mut());
+        block.merge(
+            stack,
+            (tables, shares),
+            start + offset,
+            beside,
+            radiance.as_flattened_mut(),
+            variance.as_flattened_mut(),
+        );
         for (pixel, seen) in visibility.iter_mut().enumerate() {
             let any = |flags: &[u8]| flags[3 * pixel..3 * pixel + 3] != [0; 3];
             if any(&block.nothing) {
@@ -98,6 +114,8 @@ struct Block {
     /// Whether no exposure is safe, and whether none of the safe ones is above black.
     nothing: Vec<u8>,
     black: Vec<u8>,
+    /// Of one exposure: what it was found to differ by.
+    share: Vec<f32>,
     samples: usize,
     /// Exposures as fractions of the longest, so that single precision holds their squares.
     t: Vec<f32>,
@@ -117,6 +135,7 @@ impl Block {
             dark: vec![0.0; samples],
             nothing: vec![0; samples],
             black: vec![0; samples],
+            share: Vec::new(),
             samples,
             t: stack.exposures.iter().map(|exposed| (exposed.t / longest) as f32).collect(),
             per_longest: (1.0 / longest) as f32,
@@ -126,7 +145,7 @@ impl Block {
     fn merge<'b>(
         &mut self,
         stack: &Stack<'_>,
-        tables: &[Table; 3],
+        (tables, shares): (&[Table; 3], Option<&[Shares; 3]>),
         start: usize,
         beside_clipped: impl Fn(usize) -> Option<&'b [u8]>,
         radiance: &mut [f32],
@@ -153,7 +172,16 @@ impl Block {
             self.nothing[s] = u8::from(time[s] == 0.0);
             light[s] = (light[s] / time[s]).max(0.0) * shot;
         }
-        let (sum, weights) = (radiance, variance);
+        match shares {
+            None => self.weigh(radiance, variance),
+            Some(shares) => self.weigh_disagreeing(stack, shares, start, radiance, variance),
+        }
+    }
+
+    /// The weighted mean of all exposures, and its variance.
+    fn weigh(&self, sum: &mut [f32], weights: &mut [f32]) {
+        let n = sum.len();
+        let light = &self.light[..n];
         sum.fill(0.0);
         weights.fill(0.0);
         for (i, t) in self.t.iter().enumerate() {
@@ -169,6 +197,45 @@ impl Block {
             let inverse = self.per_longest / weights[s];
             sum[s] *= inverse;
             weights[s] = inverse * self.per_longest;
+        }
+    }
+
+    /// As [`Block::weigh`], with what the photographs were found to differ by.
+    fn weigh_disagreeing(
+        &mut self,
+        stack: &Stack<'_>,
+        shares: &[Shares; 3],
+        start: usize,
+        sum: &mut [f32],
+        variance: &mut [f32],
+    ) {
+        let n = sum.len();
+        let electrons = stack.noise.full_well_electrons as f32;
+        let (light, weights) = (&self.light[..n], &mut self.time[..n]);
+        self.share.resize(n, 0.0);
+        sum.fill(0.0);
+        variance.fill(0.0);
+        weights.fill(0.0);
+        for (i, (t, exposed)) in self.t.iter().zip(&stack.exposures).enumerate() {
+            let exposure = &self.exposure[i * self.samples..][..n];
+            let dark = &self.dark_variance[i * self.samples..][..n];
+            look_up_shares(shares, &exposed.counts[start..start + n / 3], &mut self.share);
+            let share = &self.share[..n];
+            for s in 0..n {
+                let photons = light[s] * t;
+                let expected = photons * electrons;
+                let (foreseen, found) = (photons + dark[s], share[s] * expected * expected);
+                let weight = t / (foreseen + found);
+                sum[s] += weight * exposure[s];
+                weights[s] += weight * t;
+                // What does not enter has the weight 0.
+                variance[s] += weight * weight * foreseen.max(found).min(f32::MAX);
+            }
+        }
+        for s in 0..n {
+            let inverse = self.per_longest / weights[s];
+            sum[s] *= inverse;
+            variance[s] *= inverse * inverse;
         }
     }
 
@@ -236,6 +303,15 @@ fn look_up(tables: &[Table; 3], counts: &[[u16; 3]], exposure: &mut [f32], dark:
         let (r, g, b) = (red[r], green[g], blue[b]);
         *exposure = [r[0], g[0], b[0]];
         *dark = [r[1], g[1], b[1]];
+    }
+}
+
+fn look_up_shares(shares: &[Shares; 3], counts: &[[u16; 3]], share: &mut [f32]) {
+    for (counts, share) in counts.iter().zip(share.as_chunks_mut::<3>().0) {
+        for channel in 0..3 {
+            let of_channel = &shares[channel];
+            share[channel] = of_channel[usize::from(counts[channel]).min(of_channel.len() - 1)];
+        }
     }
 }
 

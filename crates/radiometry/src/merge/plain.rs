@@ -1,7 +1,7 @@
 //! One sample after the other, in double precision: what the fast version is held against, and what it asks where no exposure
 //! of a pixel is safe.
 
-use super::{Merged, NoiseModel, Stack, Visibility, of_pixel};
+use super::{Disagreement, Merged, NoiseModel, Stack, Visibility, of_pixel};
 use crate::{Counts, Image, Linearization};
 
 /// As [`merge_counts`](crate::merge_counts), plainly.
@@ -9,7 +9,23 @@ use crate::{Counts, Image, Linearization};
 /// # Panics
 /// If there is no photograph or their sizes differ.
 pub fn merge_counts_plain(photographs: &[(&Image<Counts>, f64)], camera: &Linearization, noise: NoiseModel) -> Merged {
-    let stack = Stack::new(photographs, camera, noise);
+    merge(&Stack::new(photographs, camera, noise))
+}
+
+/// As [`merge_counts_disagreeing`](crate::merge_counts_disagreeing), plainly.
+///
+/// # Panics
+/// If there is no photograph or their sizes differ.
+pub fn merge_counts_disagreeing_plain(
+    photographs: &[(&Image<Counts>, f64)],
+    camera: &Linearization,
+    noise: NoiseModel,
+    disagreement: &Disagreement,
+) -> Merged {
+    merge(&Stack { disagreement: Some(disagreement), ..Stack::new(photographs, camera, noise) })
+}
+
+fn merge(stack: &Stack<'_>) -> Merged {
     let mut used = vec![0; stack.exposures.len()];
     let samples = (0..stack.width * stack.height).map(|pixel| stack.pixel(pixel, &mut used));
     let (mut radiance, mut variance, mut visibility) = (Vec::new(), Vec::new(), Vec::new());
@@ -76,16 +92,24 @@ impl Stack<'_> {
             return self.unsafe_sample(pixel, channel, used);
         }
         let first = (light / time).max(0.0);
-        let (mut sum, mut weights) = (0.0, 0.0);
+        let (mut sum, mut weights, mut spread) = (0.0, 0.0, 0.0);
         for i in entering.iter().copied() {
-            let weight = t(i) * t(i) / variance(first, i);
+            let (foreseen, found) = (variance(first, i), self.found(channel, code(i), first * t(i)));
+            let weight = t(i) * t(i) / (foreseen + found);
             sum += weight * relative(i) / t(i);
             weights += weight;
+            spread += weight * weight * foreseen.max(found) / (t(i) * t(i));
             used[i] += 1;
         }
         let black = entering.iter().all(|i| code(*i) <= self.camera.black_level());
         let visibility = if black { Visibility::Black } else { Visibility::Seen };
-        Sample { radiance: sum / weights, variance: 1.0 / weights, visibility }
+        Sample { radiance: sum / weights, variance: spread / (weights * weights), visibility }
+    }
+
+    /// The variance of a relative exposure that photographs were found to differ by.
+    fn found(&self, channel: usize, code: u16, relative_exposure: f64) -> f64 {
+        let share = self.disagreement.map_or(0.0, |disagreement| disagreement.share(channel, code));
+        f64::from(share) * relative_exposure * relative_exposure
     }
 
     /// Where every exposure is at the floor or near white: the longest that is not clipped.

@@ -198,6 +198,7 @@ fn scene(width: usize, height: usize) -> Vec<[f64; 3]> {
 #[test]
 fn the_fast_merge_agrees_with_the_plain_one() {
     let noise = NoiseModel::default();
+    let mut both = Vec::new();
     for (camera, times) in [
         (Camera { response: Response::Srgb, black: 0, white: 255, noise }, &[1.0 / 64.0, 0.125, 1.0, 8.0, 64.0][..]),
         (Camera { response: Response::Linear, black: 100, white: 4000, noise }, &[3e-7, 3e-5, 3e-3]),
@@ -210,8 +211,15 @@ fn the_fast_merge_agrees_with_the_plain_one() {
         let truth: Vec<_> = scene(width, height).iter().map(|pixel| pixel.map(|value| value * scale)).collect();
         let shots: Vec<_> = times.iter().map(|t| (camera.shoot(&truth, width, *t, &mut random), *t)).collect();
         let shots: Vec<_> = shots.iter().map(|(image, t)| (image, *t)).collect();
-        let fast = merge_counts(&shots, &camera.linearization(), noise);
-        let plain = merge_counts_plain(&shots, &camera.linearization(), noise);
+        let camera = camera.linearization();
+        let disagreement = Disagreement::measure(&shots, &camera, noise);
+        both.push((merge_counts(&shots, &camera, noise), merge_counts_plain(&shots, &camera, noise)));
+        both.push((
+            merge_counts_disagreeing(&shots, &camera, noise, &disagreement),
+            merge_counts_disagreeing_plain(&shots, &camera, noise, &disagreement),
+        ));
+    }
+    for (fast, plain) in both {
         assert_eq!(fast.visibility, plain.visibility);
         // Whether a sample is too bright by two standard deviations may turn on the last digit of single precision.
         let (a, b): (f64, f64) = (fast.used.iter().sum(), plain.used.iter().sum());
@@ -254,6 +262,96 @@ fn five_noisy_photographs_of_8_bits_give_the_radiance_within_a_percent_and_a_hal
     errors.sort_by(f64::total_cmp);
     let (median, p95) = (errors[errors.len() / 2], errors[errors.len() * 95 / 100]);
     assert!(median <= 0.015 && p95 <= 0.05, "median error {median}, 95th percentile {p95}");
+}
+
+/// Median and 95th percentile of the relative error where something was seen.
+fn relative_errors(merged: &Merged, truth: &[[f64; 3]]) -> [f64; 2] {
+    let pixels = merged.radiance.pixels().iter().zip(truth).zip(&merged.visibility);
+    let mut errors: Vec<f64> = pixels
+        .filter(|(_, seen)| **seen == Visibility::Seen)
+        .flat_map(|((found, truth), _)| [0, 1, 2].map(|c| (f64::from(found[c]) / truth[c] - 1.0).abs()))
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    [errors[errors.len() / 2], errors[errors.len() * 95 / 100]]
+}
+
+#[test]
+fn codes_at_which_photographs_disagree_count_less() {
+    let noise = NoiseModel { full_well_electrons: 20_000.0, read_noise_electrons: 6.0 };
+    let camera = Camera { response: film(), black: 0, white: 255, noise };
+    let (width, height) = (400, 300);
+    let truth = scene(width, height);
+    let mut random = Noise(22);
+    let times = [1.0 / 8.0, 0.5, 2.0, 8.0, 32.0];
+    let mut shots: Vec<_> = times.iter().map(|t| (camera.shoot(&truth, width, *t, &mut random), *t)).collect();
+    let linearization = camera.linearization();
+    let merge = |shots: &[(Image<Counts>, f64)]| {
+        let shots: Vec<_> = shots.iter().map(|(image, t)| (image, *t)).collect();
+        let disagreement = Disagreement::measure(&shots, &linearization, noise);
+        let disagreeing = merge_counts_disagreeing(&shots, &linearization, noise, &disagreement);
+        [merge_counts(&shots, &linearization, noise), disagreeing].map(|merged| relative_errors(&merged, &truth))
+    };
+    // Where the model is right, nothing is lost.
+    let [model, disagreeing] = merge(&shots);
+    let close = |a: f64, b: f64| a < 1.05 * b;
+    assert!(close(disagreeing[0], model[0]) && close(disagreeing[1], model[1]), "{disagreeing:?} instead of {model:?}");
+    // A scanner that shows the shoulder of the film darker than it is.
+    for code in shots.iter_mut().flat_map(|(image, _)| image.pixels_mut()).flat_map(|pixel| pixel.iter_mut()) {
+        *code = if (190..255).contains(code) { *code - (*code - 190) / 3 } else { *code };
+    }
+    let [model, disagreeing] = merge(&shots);
+    // Where some other code tells, it is believed; where none does, nothing is lost.
+    let (median, p95) = (disagreeing[0] / model[0], disagreeing[1] / model[1]);
+    assert!(median < 1.03 && p95 < 0.75, "{disagreeing:?} instead of {model:?}");
+}
+
+#[test]
+fn the_variance_stays_that_which_is_found_where_photographs_agree() {
+    let noise = NoiseModel { full_well_electrons: 20_000.0, read_noise_electrons: 6.0 };
+    let camera = Camera { response: Response::Linear, black: 0, white: 4095, noise };
+    let (width, height) = (300, 300);
+    // No exposure clips: what touches a clipped pixel is judged by itself.
+    let level = |i: usize| 0.004 * 1.6f64.powi((i % 10) as i32);
+    let truth: Vec<_> = (0..width * height).map(|i| [level(i); 3]).collect();
+    let mut random = Noise(23);
+    let shots: Vec<_> = [0.2, 0.8, 3.2].map(|t| (camera.shoot(&truth, width, t, &mut random), t)).into();
+    let shots: Vec<_> = shots.iter().map(|(image, t)| (image, *t)).collect();
+    let linearization = camera.linearization();
+    let disagreement = Disagreement::measure(&shots, &linearization, noise);
+    let merged = merge_counts_disagreeing(&shots, &linearization, noise, &disagreement);
+    let model = merge_counts(&shots, &linearization, noise);
+    for at in 0..10 {
+        let of_level = || (at..width * height).step_by(10);
+        let found: Vec<f64> = of_level().map(|i| f64::from(merged.radiance.pixels()[i][1])).collect();
+        let (mean, variance) = moments(&found);
+        let said = of_level().map(|i| f64::from(merged.variance[i][1])).sum::<f64>() / found.len() as f64;
+        let of_model: Vec<f64> = of_level().map(|i| f64::from(model.radiance.pixels()[i][1])).collect();
+        let (ratio, lost) = (said / variance, variance / moments(&of_model).1);
+        assert!(lost < 1.06, "radiance {mean}: {lost} times the variance of the model's weights");
+        assert!((0.9..1.25).contains(&ratio), "radiance {mean}: variance {said:e} said, {variance:e} found");
+    }
+}
+
+#[test]
+fn what_moves_in_a_small_part_of_the_picture_does_not_count_as_disagreement() {
+    let camera = linear8();
+    let (width, height) = (200, 100);
+    let shot = |t: f64, at: usize| {
+        let brighter = |i: usize| if (at..at + 20).contains(&(i % width)) { 1.5 } else { 1.0 };
+        let code = |i: usize| brighter(i) * (0.2 + 0.001 * (i / width) as f64);
+        let codes = (0..width * height).map(|i| [(code(i) * t * 255.0 + 0.5 * (i % 3) as f64).round() as u16; 3]);
+        Image::<Counts>::from_pixels(width, height, codes.collect())
+    };
+    let still = [(shot(1.0, 50), 1.0), (shot(2.0, 50), 2.0), (shot(0.5, 50), 0.5)];
+    let moving = [(shot(1.0, 50), 1.0), (shot(2.0, 110), 2.0), (shot(0.5, 140), 0.5)];
+    let [still, moving] = [still, moving].map(|shots| {
+        let shots: Vec<_> = shots.iter().map(|(image, t)| (image, *t)).collect();
+        let found = Disagreement::measure(&shots, &camera, NoiseModel::default());
+        [53, 64, 75, 106, 128, 148].map(|code| found.share(0, code).sqrt())
+    });
+    for (still, moving) in still.iter().zip(moving) {
+        assert!(moving < 0.02 && (moving - still).abs() < 0.01, "{moving} instead of {still}");
+    }
 }
 
 #[test]

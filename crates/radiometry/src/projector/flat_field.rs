@@ -1,6 +1,7 @@
 //! The flat field: the relative flux of each square, from a photograph of a white card.
 
 use super::{PatternView, ProjectorError};
+use crate::colour::white_balance;
 use crate::{Image, Radiance};
 
 /// A white card photographed while the projector shows white, and black.
@@ -21,7 +22,7 @@ pub struct Card<'a> {
 pub struct FlatField {
     /// Relative flux of square (u, v), `[v][u]`, as `square_flux` of capture.toml: 1 on the axis.
     pub square_flux: Vec<Vec<f64>>,
-    /// Gains of red, green and blue that make the projector's white grey, green 1.
+    /// Gains of red, green and blue that make the projector's white grey and keep its luminance ([`white_balance`]).
     pub white_balance: [f64; 3],
     /// b, the share of white that shines through black, mean over the pattern; `None` without a black frame.
     pub black_level: Option<f64>,
@@ -64,6 +65,9 @@ impl Card<'_> {
             flux.push((lit, white));
         }
         let by_channel = [0, 1, 2].map(|channel| flux.iter().map(|(lit, _)| lit[channel]).sum::<f64>());
+        let Some(white_balance) = white_balance(by_channel) else {
+            return fail(format!("the card shows {by_channel:?} under white: no light that could be balanced"));
+        };
         // Each channel over its own mean, so that the projector's colour does not weigh.
         let relative: Vec<[f64; 3]> = flux
             .iter()
@@ -81,7 +85,7 @@ impl Card<'_> {
                 .chunks(squares)
                 .map(|row| row.iter().map(|square| mean(square) / axis).collect())
                 .collect(),
-            white_balance: by_channel.map(|channel| by_channel[1] / channel),
+            white_balance,
             black_level: self.black.map(|_| black.iter().sum::<f64>() / white),
             colour_spread: relative.iter().map(spread).fold(0.0, f64::max),
         })
@@ -203,8 +207,10 @@ mod tests {
             assert!((found / expected - 1.0).abs() < 0.002, "({u}, {v}): {found}, not {expected}");
         }
         assert!((found.black_level.unwrap() - 0.01).abs() < 1e-6, "{found:?}");
-        for (found, expected) in found.white_balance.iter().zip([1.25, 1.0, 1.0 / 0.6]) {
-            assert!((found / expected - 1.0).abs() < 1e-5, "{found}, not {expected}");
+        // The projector's white is (0.8, 1, 0.6): balanced, all channels have its luminance.
+        let luminance = 0.2126 * 0.8 + 0.7152 + 0.0722 * 0.6;
+        for (found, channel) in found.white_balance.iter().zip([0.8, 1.0, 0.6]) {
+            assert!((found * channel / luminance - 1.0).abs() < 1e-4, "{found} times {channel} is not {luminance}");
         }
         assert!(found.colour_spread < 1e-5);
     }

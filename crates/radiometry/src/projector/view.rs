@@ -1,13 +1,11 @@
 //! Where the pattern lies in a photograph of a flat card: the homography from its four corners.
 
 use super::ProjectorError;
+use crate::Homography;
 
 /// A map from the pattern, 0 … 1 to the right and 0 … 1 downward, to pixels of a photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PatternView {
-    /// Rows of the homography; the last entry is one.
-    rows: [[f64; 3]; 3],
-}
+pub struct PatternView(Homography);
 
 impl PatternView {
     /// From the places of the upper left, upper right, lower right and lower left corner **as the projector sees the card**, pixels from
@@ -28,22 +26,14 @@ impl PatternView {
         if !(turns.iter().all(|turn| *turn > 1.0) || turns.iter().all(|turn| *turn < -1.0)) {
             return fail("expected four corners of a convex area, one after the other around it");
         }
-        // From the unit square (Heckbert 1989, §2.2.3).
-        let [p, q, r, s] = corners;
-        let along = |axis: usize| (q[axis] - r[axis], s[axis] - r[axis], p[axis] - q[axis] + r[axis] - s[axis]);
-        let ((dx1, dx2, sx), (dy1, dy2, sy)) = (along(0), along(1));
-        let determinant = dx1 * dy2 - dx2 * dy1;
-        let g = (sx * dy2 - dx2 * sy) / determinant;
-        let h = (dx1 * sy - sx * dy1) / determinant;
-        let row = |axis: usize| [q[axis] - p[axis] + g * q[axis], s[axis] - p[axis] + h * s[axis], p[axis]];
-        Ok(Self { rows: [row(0), row(1), [g, h, 1.0]] })
+        let pattern = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let pairs: Vec<_> = pattern.into_iter().zip(corners).collect();
+        Homography::fit(&pairs).map(Self).map_or_else(|| fail("expected corners of an area"), Ok)
     }
 
     /// The pixel where the point (x, y) of the pattern is seen.
     pub fn pixel(&self, x: f64, y: f64) -> [f64; 2] {
-        let dot = |row: [f64; 3]| row[0] * x + row[1] * y + row[2];
-        let depth = dot(self.rows[2]);
-        [dot(self.rows[0]) / depth, dot(self.rows[1]) / depth]
+        self.0.apply([x, y])
     }
 }
 

@@ -1,7 +1,8 @@
 //! A photograph of a chart as a virtual camera takes it: in perspective, under light that falls off, with a surround, noise
 //! and crosstalk between the channels.
 
-use super::radiometry::colour::{Chart, Homography, Reference};
+use super::radiometry::Homography;
+use super::radiometry::colour::{Chart, Reference};
 use super::radiometry::{Counts, Image, Linear, srgb_encode};
 
 /// How the chart is photographed.

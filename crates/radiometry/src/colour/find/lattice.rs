@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::regions::{Reduced, Region};
-use crate::colour::Homography;
+use crate::Homography;
 
 /// From a node to the next a region may be off by this share of the step while a lattice grows.
 const STEP_TOLERANCE: f64 = 0.22;

@@ -4,8 +4,8 @@ use super::Sample;
 use crate::colour::correction::Model;
 use crate::colour::difference::components;
 use crate::colour::reference::rec709_of_d50;
-use crate::colour::solve::least_squares_of;
 use crate::colour::space::{D50, D65, Lab, adaptation, lab_from_xyz, transform, xyz_from_rec709};
+use crate::solve::least_squares_of;
 
 /// Steps of the minimisation, at most.
 const STEPS: usize = 60;

@@ -1,8 +1,8 @@
-//! The plane of a chart in a photograph: a projective map of the plane.
+//! A flat thing in a photograph, a chart or a card: a projective map of the plane.
 
-use super::solve::least_squares;
+use crate::solve::least_squares;
 
-/// A projective map of the plane, from chart coordinates to pixels. Pixel (x, y) covers x … x + 1, its centre lies at ½.
+/// A projective map of the plane, from coordinates of a flat thing to pixels. Pixel (x, y) covers x … x + 1, its centre lies at ½.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Homography([f64; 9]);
 
@@ -41,7 +41,7 @@ impl Homography {
         (sided && map.determinant().abs() > 1e-12 && whole.iter().all(|value| value.is_finite())).then_some(map)
     }
 
-    /// Where a point of the chart lies in the photograph; not finite on the line that goes to infinity.
+    /// Where a point of the thing lies in the photograph; not finite on the line that goes to infinity.
     pub fn apply(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let m = &self.0;
         let depth = self.depth([x, y]);
