@@ -80,7 +80,9 @@ def say(text):
 def bytes_of(field):
     """Of all files, and of those that hold bases, steps and atoms (or halves) alone."""
     files = [file for file in field.rglob("*") if file.is_file()]
-    data = [file for file in files if "c" in file.relative_to(field).parts and file.relative_to(field).parts[0] != "clipped"]
+    # Chunks are c/… or, where they are one file, c.0.0.
+    is_data = lambda parts: parts[0] != "clipped" and ("c" in parts or parts[-1].startswith("c."))
+    data = [file for file in files if is_data(file.relative_to(field).parts)]
     return sum(file.stat().st_size for file in files), sum(file.stat().st_size for file in data)
 
 
