@@ -74,6 +74,7 @@ impl NoiseCurve {
     }
 
     /// Variance at a radiance; as without light at and below zero.
+    #[inline]
     pub fn at(&self, radiance: f32) -> f32 {
         // Not above zero: NaN too.
         if radiance.is_nan() || radiance <= 0.0 {
@@ -84,8 +85,14 @@ impl NoiseCurve {
         if knot < 0 {
             return self.dark + (self.variance[0] - self.dark) * radiance / exp2(self.first);
         }
-        let knot = (knot as usize).min(self.variance.len() - 2);
-        let part = radiance / exp2(self.first + knot as i32) - 1.0;
+        let knot = knot as usize;
+        let (knot, part) = if knot < self.variance.len() - 1 {
+            // radiance/2^exponent − 1: what the digits of the number say.
+            (knot, f32::from_bits(radiance.to_bits() & 0x7f_ffff | 0x3f80_0000) - 1.0)
+        } else {
+            let last = self.variance.len() - 2;
+            (last, radiance / exp2(self.first + last as i32) - 1.0)
+        };
         self.variance[knot] + (self.variance[knot + 1] - self.variance[knot]) * part
     }
 

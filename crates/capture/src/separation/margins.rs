@@ -98,7 +98,8 @@ pub(super) struct Freed {
     multipliers: [Vec<f32>; 2],
     deviations: [Vec<f32>; 2],
     sum: Vec<f32>,
-    weight: Vec<f32>,
+    /// Of rows and of columns: 1 over the variances of the margin and of all its squares together.
+    weights: [Vec<f32>; 2],
 }
 
 impl Freed {
@@ -112,14 +113,14 @@ impl Freed {
             for j in 0..down {
                 let members = (0..across).map(|i| j * across + i);
                 let margin = (&table.rows[j * lanes..][..lanes], &of_rows[j * lanes..][..lanes]);
-                let scratch = (&mut self.sum[..], &mut self.weight[..]);
-                follow(&mut self.light, &self.variance, members, margin, &mut down_by[j * lanes..][..lanes], scratch);
+                let known = (&self.variance[..], &self.weights[0][j * lanes..][..lanes]);
+                follow(&mut self.light, known, members, margin, &mut down_by[j * lanes..][..lanes], &mut self.sum);
             }
             for i in 0..across {
                 let members = (0..down).map(|j| j * across + i);
                 let margin = (&table.columns[i * lanes..][..lanes], &of_columns[i * lanes..][..lanes]);
-                let scratch = (&mut self.sum[..], &mut self.weight[..]);
-                follow(&mut self.light, &self.variance, members, margin, &mut across_by[i * lanes..][..lanes], scratch);
+                let known = (&self.variance[..], &self.weights[1][i * lanes..][..lanes]);
+                follow(&mut self.light, known, members, margin, &mut across_by[i * lanes..][..lanes], &mut self.sum);
             }
         }
         // What the floor of the variance let squares follow is kept apart: fitting needs squares that are not negative.
@@ -176,11 +177,13 @@ impl Freed {
             multipliers.resize(lines.len(), 0.0);
         }
         self.sum.resize(lanes, 0.0);
-        self.weight.resize(lanes, 0.0);
         self.spread.resize(lanes, 0.0);
         self.follow.resize(down * across * lanes, 0.0);
         self.light.clear();
         self.variance.clear();
+        for (weights, deviations) in self.weights.iter_mut().zip(&self.deviations) {
+            weights.clone_from(deviations);
+        }
         for j in 0..down {
             for i in 0..across {
                 for lane in 0..lanes {
@@ -191,11 +194,16 @@ impl Freed {
                     let variance = if row < column { of_row } else { of_column };
                     let square = minimum * minimum;
                     let gated = minimum * (square / (square + GATE * GATE * variance).max(f32::MIN_POSITIVE));
+                    let variance = gated * gated + FLOOR * alone(of_row, of_column);
                     self.light.push(gated);
-                    self.variance.push(gated * gated + FLOOR * alone(of_row, of_column));
+                    self.variance.push(variance);
+                    self.weights[0][j * lanes + lane] += variance;
+                    self.weights[1][i * lanes + lane] += variance;
                 }
             }
         }
+        let weights = self.weights.iter_mut().flatten();
+        weights.for_each(|weight| *weight = 1.0 / weight.max(f32::MIN_POSITIVE));
     }
 }
 
@@ -207,26 +215,22 @@ fn alone(of_row: f32, of_column: f32) -> f32 {
 /// Lets the squares of one margin follow its photograph as far as both their variances say.
 fn follow(
     squares: &mut [f32],
-    variances: &[f32],
+    (variances, weights): (&[f32], &[f32]),
     members: impl Iterator<Item = usize> + Clone,
     (margin, of_margin): (&[f32], &[f32]),
     multiplier: &mut [f32],
-    (sum, weight): (&mut [f32], &mut [f32]),
+    sum: &mut [f32],
 ) {
     let lanes = margin.len();
     sum.fill(0.0);
-    weight.copy_from_slice(of_margin);
     for member in members.clone() {
-        let of_member = squares[member * lanes..][..lanes].iter().zip(&variances[member * lanes..][..lanes]);
-        for ((sum, weight), (value, variance)) in sum.iter_mut().zip(weight.iter_mut()).zip(of_member) {
-            *sum += value;
-            *weight += variance;
-        }
+        let values = &squares[member * lanes..][..lanes];
+        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
     }
     for (((sum, weight), multiplier), (margin, of_margin)) in
-        sum.iter_mut().zip(weight.iter()).zip(multiplier.iter_mut()).zip(margin.iter().zip(of_margin))
+        sum.iter_mut().zip(weights).zip(multiplier.iter_mut()).zip(margin.iter().zip(of_margin))
     {
-        let step = (margin - *sum - of_margin * *multiplier) / weight.max(f32::MIN_POSITIVE);
+        let step = (margin - *sum - of_margin * *multiplier) * weight;
         *multiplier += step;
         *sum = step;
     }
