@@ -193,7 +193,7 @@ kernel!(
     avx512,
     "AVX-512",
     lanes::Eight,
-    pairs::Sixteen,
+    pairs::Sixteen<false>,
     #[target_feature(enable = "avx2,avx512f,avx512bw,avx512vl,avx512dq")]
 );
 #[cfg(target_arch = "x86_64")]
@@ -201,7 +201,7 @@ kernel!(
     avx512_vnni,
     "AVX-512 with VNNI",
     lanes::Eight,
-    pairs::SixteenFused,
+    pairs::Sixteen<true>,
     #[target_feature(enable = "avx2,avx512f,avx512bw,avx512vl,avx512dq,avx512vnni")]
 );
 #[cfg(target_arch = "aarch64")]

@@ -65,7 +65,7 @@ impl Pairs for Plain {
 }
 
 #[cfg(target_arch = "x86_64")]
-pub(super) use x86::{Eight, Sixteen, SixteenFused};
+pub(super) use x86::{Eight, Sixteen};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
@@ -118,11 +118,11 @@ mod x86 {
         }
     }
 
-    /// Sixteen pixels of AVX-512.
+    /// Sixteen pixels of AVX-512; `VNNI`: of machines that multiply and add whole numbers at once.
     #[derive(Clone, Copy)]
-    pub(in super::super) struct Sixteen(__m512i);
+    pub(in super::super) struct Sixteen<const VNNI: bool>(__m512i);
 
-    impl Pairs for Sixteen {
+    impl<const VNNI: bool> Pairs for Sixteen<VNNI> {
         const COUNT: usize = 16;
         type Words = __m512i;
 
@@ -143,7 +143,13 @@ mod x86 {
 
         #[inline(always)]
         unsafe fn add_products(self, values: __m512i, weights: __m512i) -> Self {
-            Self(unsafe { _mm512_add_epi32(self.0, _mm512_madd_epi16(values, weights)) })
+            Self(unsafe {
+                if VNNI {
+                    _mm512_dpwssd_epi32(self.0, values, weights)
+                } else {
+                    _mm512_add_epi32(self.0, _mm512_madd_epi16(values, weights))
+                }
+            })
         }
 
         #[inline(always)]
@@ -153,40 +159,6 @@ mod x86 {
                 let joined = _mm512_add_ps(high, _mm512_cvtepi32_ps(low.0));
                 _mm512_storeu_ps(to, _mm512_mul_ps(joined, _mm512_set1_ps(scale)));
             }
-        }
-    }
-
-    /// As [`Sixteen`], on machines that multiply and add whole numbers at once.
-    #[derive(Clone, Copy)]
-    pub(in super::super) struct SixteenFused(Sixteen);
-
-    impl Pairs for SixteenFused {
-        const COUNT: usize = Sixteen::COUNT;
-        type Words = __m512i;
-
-        #[inline(always)]
-        unsafe fn zero() -> Self {
-            Self(unsafe { Sixteen::zero() })
-        }
-
-        #[inline(always)]
-        unsafe fn widen(from: *const i8) -> __m512i {
-            unsafe { Sixteen::widen(from) }
-        }
-
-        #[inline(always)]
-        unsafe fn splat(from: *const i16) -> __m512i {
-            unsafe { Sixteen::splat(from) }
-        }
-
-        #[inline(always)]
-        unsafe fn add_products(self, values: __m512i, weights: __m512i) -> Self {
-            Self(Sixteen(unsafe { _mm512_dpwssd_epi32(self.0.0, values, weights) }))
-        }
-
-        #[inline(always)]
-        unsafe fn join(high: Self, low: Self, base: f32, scale: f32, to: *mut f32) {
-            unsafe { Sixteen::join(high.0, low.0, base, scale, to) }
         }
     }
 }
