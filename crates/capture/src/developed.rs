@@ -9,8 +9,10 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 use relumine_basis::Cell;
+use relumine_radiometry::MeasuredLanes;
 use relumine_radiometry::colour::Correction;
 
+use crate::lanes::for_this_machine;
 use crate::separation::{self, CombNoise, Combs, Method, Removed, Residual, THRESHOLD_SIGMAS};
 use crate::{Loss, PositionNoise, Scheme, Setup};
 
@@ -36,14 +38,14 @@ pub struct DevelopedPosition<'a> {
     pub(crate) losses: Vec<Loss>,
 }
 
-/// Separated squares of a rectangle of pixels.
-pub struct Tile {
+/// Squares of a rectangle of pixels, told apart.
+pub struct Tile<T> {
     /// Columns of the picture.
     pub columns: Range<usize>,
     /// Rows of the picture.
     pub rows: Range<usize>,
-    /// Transfer, `[(v · M + u)][row][column][channel]`.
-    pub transfer: Vec<f32>,
+    /// Transfer, `[(v · M + u)][channel][row][column]`.
+    pub transfer: Vec<T>,
     /// How well the squares explain the photographs.
     pub residual: Residual,
     /// How well the minimum alone would explain them.
@@ -92,7 +94,7 @@ impl DevelopedPosition<'_> {
         match setup.scheme() {
             Scheme::Squares => self.frames.iter().map(Option::is_some).collect(),
             Scheme::Combs { .. } => {
-                let combs = self.combs(0..0);
+                let combs = self.combs(None);
                 (0..m * m).map(|square| combs.is_present(square % m, square / m)).collect()
             }
         }
@@ -106,13 +108,8 @@ impl DevelopedPosition<'_> {
             .map(|square| setup.transfer_per_radiance(Cell { position: self.position, u: square % m, v: square / m }))
             .fold(0.0, f64::max);
         // A fitted comb is scaled to the white frame, which may be brighter than any comb.
-        let brightest = self
-            .frames
-            .iter()
-            .flatten()
-            .chain(&self.white)
-            .flat_map(|frame| frame.iter())
-            .fold(0.0f32, |bound, value| bound.max(*value));
+        let frames: Vec<&Vec<f32>> = self.frames.iter().flatten().chain(&self.white).collect();
+        let brightest = frames.into_par_iter().map(|frame| brightest(frame)).reduce(|| 0.0, f32::max);
         let gain = setup.colour().and_then(Correction::matrix).map_or(1.0, |matrix| {
             matrix.iter().map(|row| row.iter().map(|value| value.abs()).sum::<f64>()).fold(0.0, f64::max)
         });
@@ -127,130 +124,194 @@ impl DevelopedPosition<'_> {
         let squares = matches!(self.setup.scheme(), Scheme::Squares);
         let (plus, minus) = if squares { frames.split_at(frames.len()) } else { frames.split_at(frames.len() / 2) };
         let minus = if squares { vec![self.white.as_ref()?] } else { minus.to_vec() };
-        let mut difference = vec![0.0f64; plus[0].len()];
-        for (sign, frames) in [(1.0, plus), (-1.0, &minus)] {
-            for frame in frames {
-                let terms = difference.par_iter_mut().zip(frame.par_iter()).with_min_len(1 << 14);
-                terms.for_each(|(sum, value)| *sum += sign * f64::from(*value));
-            }
-        }
+        let add = |frames: &[&Vec<f32>], lane: usize| frames.iter().map(|frame| f64::from(frame[lane])).sum::<f64>();
         let (mut sum, mut lanes) = (0.0, 0usize);
-        for difference in difference.iter().filter(|difference| difference.is_finite()) {
-            sum += difference * difference;
-            lanes += 1;
+        for lane in MeasuredLanes::of(plus[0].len()).iter() {
+            let difference = add(plus, lane) - add(&minus, lane);
+            if difference.is_finite() {
+                sum += difference * difference;
+                lanes += 1;
+            }
         }
         (lanes > 0).then(|| (sum / lanes as f64 / (plus.len() + minus.len()) as f64).sqrt())
     }
 
-    /// Separates the squares of a rectangle of pixels.
-    pub fn separate(&self, columns: Range<usize>, rows: Range<usize>) -> Tile {
+    /// Tells the squares of a rectangle of pixels apart.
+    pub fn separate(&self, columns: Range<usize>, rows: Range<usize>) -> Tile<f32> {
+        self.separate_as(columns, rows, |transfer, samples| samples.copy_from_slice(transfer))
+    }
+
+    /// As [`DevelopedPosition::separate`]; `convert` makes samples of transfers, a run of pixels of one channel at a time.
+    pub fn separate_as<T: Clone + Default>(
+        &self,
+        columns: Range<usize>,
+        rows: Range<usize>,
+        convert: impl Fn(&[f32], &mut [T]),
+    ) -> Tile<T> {
         let setup = self.setup;
         let m = setup.cells().squares();
         let (width, _) = setup.picture_size();
-        // Strips short enough that a table of their lanes stays in the first cache.
-        let starts: Vec<usize> = columns.clone().step_by(STRIP).collect();
-        let pieces: Vec<(usize, usize)> =
-            rows.clone().flat_map(|row| starts.iter().map(move |start| (row, *start))).collect();
-        let strips: Vec<(Vec<f32>, Residual, Residual, Removed)> = pieces
-            .into_par_iter()
-            .map(|(row, start)| {
-                let end = (start + STRIP).min(columns.end);
-                self.separate_lanes((row * width + start) * 3..(row * width + end) * 3)
-            })
-            .collect();
-        let lanes = columns.len() * 3;
-        let factors: Vec<f32> = (0..m * m)
-            .map(|square| {
-                setup.transfer_per_radiance(Cell { position: self.position, u: square % m, v: square / m }) as f32
-            })
-            .collect();
-        let mut transfer = vec![0.0; m * m * rows.len() * lanes];
-        transfer.par_chunks_exact_mut(rows.len() * lanes).zip(&factors).enumerate().for_each(
-            |(square, (picture, factor))| {
-                let pieces = picture.chunks_exact_mut(lanes).flat_map(|row| row.chunks_mut(3 * STRIP));
-                for (piece, (squares, ..)) in pieces.zip(&strips) {
-                    let separated = &squares[square * piece.len()..][..piece.len()];
-                    piece.iter_mut().zip(separated).for_each(|(transfer, value)| *transfer = value * factor);
-                    if let Some(colour) = setup.colour() {
-                        piece.as_chunks_mut::<3>().0.iter_mut().for_each(|pixel| {
-                            *pixel = colour.apply(pixel.map(f64::from)).map(|value| value as f32);
-                        });
-                    }
-                }
-            },
-        );
-        // Added in the order of the rows, whatever thread was first.
+        let cell = |square: usize| Cell { position: self.position, u: square % m, v: square / m };
+        let factors: Vec<f32> = (0..m * m).map(|square| setup.transfer_per_radiance(cell(square)) as f32).collect();
+        let mut transfer = vec![T::default(); m * m * 3 * rows.len() * columns.len()];
         let (mut residual, mut residual_of_minimum) = (Residual::default(), Residual::default());
         let mut removed = Removed::default();
-        for (_, fitted, minimum, of_strip) in &strips {
-            residual.add(*fitted);
-            residual_of_minimum.add(*minimum);
-            removed.add(*of_strip);
+        let (mut strip, mut squares) = (Strip::default(), Vec::new());
+        for row in rows.clone() {
+            for start in columns.clone().step_by(STRIP) {
+                let pixels = start..(start + STRIP).min(columns.end);
+                let count = pixels.len();
+                strip.load(self, row * width + pixels.start..row * width + pixels.end);
+                let (fitted, minimum, of_strip) = self.separate_strip(&strip, &mut squares);
+                residual.add(fitted);
+                residual_of_minimum.add(minimum);
+                removed.add(of_strip);
+                for (square, (samples, factor)) in squares.chunks_exact_mut(3 * count).zip(&factors).enumerate() {
+                    samples.iter_mut().for_each(|value| *value *= factor);
+                    if let Some(colour) = setup.colour() {
+                        correct(samples, colour);
+                    }
+                    for (channel, samples) in samples.chunks_exact(count).enumerate() {
+                        let line = (square * 3 + channel) * rows.len() + row - rows.start;
+                        convert(samples, &mut transfer[line * columns.len() + start - columns.start..][..count]);
+                    }
+                }
+            }
         }
         Tile { columns, rows, transfer, residual, residual_of_minimum, removed }
     }
 
-    fn separate_lanes(&self, lanes: Range<usize>) -> (Vec<f32>, Residual, Residual, Removed) {
+    /// Tells the squares of a strip apart, `squares[(v · M + u) · lanes + lane]`: how well they and their minima explain the
+    /// photographs, and what was removed.
+    fn separate_strip(&self, strip: &Strip, squares: &mut Vec<f32>) -> (Residual, Residual, Removed) {
         let setup = self.setup;
         let m = setup.cells().squares();
+        let lanes = strip.black.len();
+        squares.resize(m * m * lanes, 0.0);
         if matches!(setup.scheme(), Scheme::Squares) {
-            let (squares, residual) = self.single_squares(lanes);
-            return (squares, residual, residual, Removed::default());
+            let residual = self.single_squares(strip, squares);
+            return (residual, residual, Removed::default());
         }
-        let combs = self.combs(lanes);
-        let mut squares = vec![0.0; m * m * combs.lanes];
-        separation::separate_minimum(&combs, &mut squares);
-        let of_minimum = separation::residual(&combs, &squares);
+        let combs = self.combs(Some(strip));
+        let of_minimum = separation::residual_of_minimum(&combs);
         let removed = match self.method {
-            Method::Minimum => return (squares, of_minimum, of_minimum, Removed::default()),
-            Method::Thresholded => separation::separate_thresholded(&combs, THRESHOLD_SIGMAS, &mut squares),
-            Method::Unbiased => separation::separate_unbiased(&combs, &mut squares),
-            Method::Fitted => separation::separate_fitted(&combs, &mut squares),
+            Method::Minimum => {
+                separation::separate_minimum(&combs, squares);
+                return (of_minimum, of_minimum, Removed::default());
+            }
+            Method::Thresholded => separation::separate_thresholded(&combs, THRESHOLD_SIGMAS, squares),
+            Method::Unbiased => separation::separate_unbiased(&combs, squares),
+            Method::Fitted => separation::separate_fitted(&combs, squares),
         };
-        let residual = separation::residual(&combs, &squares);
-        (squares, residual, of_minimum, removed)
+        (separation::residual(&combs, squares), of_minimum, removed)
     }
 
-    fn combs(&self, lanes: Range<usize>) -> Combs<'_> {
+    /// The combs of a strip, or of no lanes at all.
+    fn combs<'s>(&'s self, strip: Option<&'s Strip>) -> Combs<'s> {
         let setup = self.setup;
         let Scheme::Combs { spacing } = setup.scheme() else { unreachable!("only combs have combs") };
         let m = setup.cells().squares();
-        let frames: Vec<Option<&[f32]>> =
-            self.frames.iter().map(|frame| frame.as_ref().map(|frame| &frame[lanes.clone()])).collect();
+        let frames: Vec<Option<&[f32]>> = (0..self.frames.len())
+            .map(|frame| self.frames[frame].as_ref().map(|_| strip.map_or(&[][..], |strip| strip.frame(frame))))
+            .collect();
         let (rows, columns) = frames.split_at(m * spacing);
         Combs {
             squares: m,
             spacing,
             rows: rows.to_vec(),
             columns: columns.to_vec(),
-            white: self.white.as_ref().map(|white| &white[lanes.clone()]),
-            noise: self.noise.as_ref().map(|noise| CombNoise {
+            white: strip.and_then(|strip| self.white.as_ref().map(|_| &strip.white[..])),
+            noise: strip.zip(self.noise.as_ref()).map(|(strip, noise)| CombNoise {
                 curve: &noise.curve,
-                black: &self.black[lanes.clone()],
-                black_variance: &self.black_variance[lanes.clone()],
+                black: &strip.black,
+                black_variance: &strip.black_variance,
                 scale: (1.0 / (1.0 - noise.black_level)) as f32,
             }),
-            lanes: lanes.len(),
+            lanes: strip.map_or(0, |strip| strip.black.len()),
         }
     }
 
     /// Squares that were photographed alone need no separation; only the white frame has something to say. What noise makes
     /// negative stays, lest what it makes positive add up.
-    fn single_squares(&self, lanes: Range<usize>) -> (Vec<f32>, Residual) {
-        let count = lanes.len();
-        let mut squares = vec![0.0; self.frames.len() * count];
-        for (square, frame) in squares.chunks_exact_mut(count).zip(&self.frames) {
-            let Some(frame) = frame else { continue };
-            square.copy_from_slice(&frame[lanes.clone()]);
+    fn single_squares(&self, strip: &Strip, squares: &mut [f32]) -> Residual {
+        let lanes = strip.black.len();
+        for (index, (square, frame)) in squares.chunks_exact_mut(lanes).zip(&self.frames).enumerate() {
+            match frame {
+                Some(_) => square.copy_from_slice(strip.frame(index)),
+                None => square.fill(0.0),
+            }
         }
         let mut residual = Residual::default();
-        if let (Some(white), true) = (&self.white, self.frames.iter().all(Option::is_some)) {
-            for (lane, white) in white[lanes].iter().enumerate().filter(|(_, white)| !white.is_nan()) {
-                let sum: f32 = squares.chunks_exact(count).map(|square| square[lane]).sum();
+        if self.white.is_some() && self.frames.iter().all(Option::is_some) {
+            for (lane, white) in strip.white.iter().enumerate().filter(|(_, white)| !white.is_nan()) {
+                let sum: f32 = squares.chunks_exact(lanes).map(|square| square[lane]).sum();
                 residual.white_error += f64::from(sum - white).powi(2);
                 residual.white_energy += f64::from(*white).powi(2);
             }
         }
-        (squares, residual)
+        residual
+    }
+}
+
+for_this_machine! {
+    /// The largest of the values that are numbers; 0 if none is larger.
+    fn brightest(values: &[f32]) -> f32 = brightest_together::<64>
+}
+
+#[inline(always)]
+fn brightest_together<const W: usize>(values: &[f32]) -> f32 {
+    let mut largest = [0.0; W];
+    let (chunks, rest) = values.as_chunks::<W>();
+    for chunk in chunks {
+        (0..W).for_each(|lane| largest[lane] = if chunk[lane] > largest[lane] { chunk[lane] } else { largest[lane] });
+    }
+    largest.iter().chain(rest).fold(0.0, |largest, value| largest.max(*value))
+}
+
+/// The photographs of a run of pixels, each `[channel][pixel]`: in the order in which squares go out.
+#[derive(Default)]
+struct Strip {
+    /// One after the other; unspecified where a photograph is missing.
+    frames: Vec<f32>,
+    white: Vec<f32>,
+    black: Vec<f32>,
+    black_variance: Vec<f32>,
+}
+
+impl Strip {
+    fn load(&mut self, position: &DevelopedPosition, pixels: Range<usize>) {
+        let lanes = 3 * pixels.len();
+        let load = |from: &[f32], to: &mut [f32]| {
+            let from = from[3 * pixels.start..3 * pixels.end].as_chunks::<3>().0;
+            for (channel, to) in to.chunks_exact_mut(pixels.len()).enumerate() {
+                to.iter_mut().zip(from).for_each(|(to, pixel)| *to = pixel[channel]);
+            }
+        };
+        self.frames.resize(position.frames.len() * lanes, 0.0);
+        for (to, frame) in self.frames.chunks_exact_mut(lanes).zip(&position.frames) {
+            frame.iter().for_each(|frame| load(frame, to));
+        }
+        for values in [&mut self.white, &mut self.black, &mut self.black_variance] {
+            values.resize(lanes, 0.0);
+        }
+        position.white.iter().for_each(|white| load(white, &mut self.white));
+        load(&position.black, &mut self.black);
+        load(&position.black_variance, &mut self.black_variance);
+    }
+
+    fn frame(&self, index: usize) -> &[f32] {
+        let lanes = self.black.len();
+        &self.frames[index * lanes..][..lanes]
+    }
+}
+
+/// Corrects the colours of pixels, `[channel][pixel]`.
+fn correct(samples: &mut [f32], colour: &Correction) {
+    let count = samples.len() / 3;
+    for pixel in 0..count {
+        let found = [0, 1, 2].map(|channel| f64::from(samples[channel * count + pixel]));
+        for (channel, value) in colour.apply(found).into_iter().enumerate() {
+            samples[channel * count + pixel] = value as f32;
+        }
     }
 }

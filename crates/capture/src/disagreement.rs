@@ -1,6 +1,7 @@
 //! Whether photographs of the same light agree: a wrong exposure, a swapped pattern, a white frame of another set-up do not.
 
 use rayon::prelude::*;
+use relumine_radiometry::MeasuredLanes;
 
 use crate::{DevelopedPosition, Scheme};
 
@@ -19,7 +20,7 @@ impl DevelopedPosition<'_> {
     pub fn disagreement(&self) -> Option<f64> {
         let noise = self.noise.as_ref()?;
         let scale = 1.0 / (1.0 - noise.black_level);
-        let lanes = self.black.len();
+        let measured = MeasuredLanes::of(self.black.len());
         let frames: Vec<&[f32]> = self.frames.iter().map(Option::as_deref).collect::<Option<_>>()?;
         // Sums of the same light: what is in the first less what is in the second.
         let mut pairs: Vec<(Frames, Frames)> = Vec::new();
@@ -54,11 +55,12 @@ impl DevelopedPosition<'_> {
             };
             // Part by part, each added in the order of its lanes, so that threads do not matter.
             let part = |start: usize| {
-                let seen = (start..(start + PART).min(lanes)).filter(|lane| self.clipped[lane / 3] == 0).map(of_lane);
+                let lanes = (start..(start + PART).min(measured.len())).map(|index| measured.lane(index));
+                let seen = lanes.filter(|lane| self.clipped[lane / 3] == 0).map(of_lane);
                 seen.filter(|(square, ..)| square.is_finite()).fold((0.0, 0.0, 0.0), add_three)
             };
             let parts: Vec<(f64, f64, f64)> =
-                (0..lanes.div_ceil(PART)).into_par_iter().map(|i| part(i * PART)).collect();
+                (0..measured.len().div_ceil(PART)).into_par_iter().map(|i| part(i * PART)).collect();
             let (square, expected, light) = parts.into_iter().fold((0.0, 0.0, 0.0), add_three);
             let excess = square - WITHIN_NOISE * expected;
             if excess > 0.0 { (excess / light.max(f64::MIN_POSITIVE)).sqrt() } else { 0.0 }

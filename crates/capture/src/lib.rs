@@ -11,6 +11,7 @@ mod developed;
 mod disagreement;
 mod error;
 mod judging;
+mod lanes;
 mod noise;
 mod pattern;
 mod photographs;

@@ -11,7 +11,7 @@
 //! hot pixel), it stays.
 
 use rayon::prelude::*;
-use relumine_radiometry::NoiseCurve;
+use relumine_radiometry::{MeasuredLanes, NoiseCurve};
 use serde::{Deserialize, Serialize};
 
 use crate::Scheme;
@@ -122,10 +122,12 @@ impl Shown<'_> {
         })
     }
 
-    /// Of every lane that nothing clipped.
+    /// Of every measured lane that nothing clipped.
     fn lanes(&self, difference: impl Fn(usize) -> Difference + Sync + Send) -> Vec<Difference> {
-        let seen = (0..self.black.len()).into_par_iter().with_min_len(1 << 10);
-        seen.filter(|lane| self.clipped[lane / 3] == 0)
+        let measured = MeasuredLanes::of(self.black.len());
+        let lanes = (0..measured.len()).into_par_iter().with_min_len(1 << 10).map(|index| measured.lane(index));
+        lanes
+            .filter(|lane| self.clipped[lane / 3] == 0)
             .map(difference)
             .filter(|difference| difference.square.is_finite() && difference.dark + difference.light > 0.0)
             .collect()

@@ -10,10 +10,13 @@ mod fitted;
 mod margins;
 mod minimum;
 mod noise;
+mod residual;
+mod table;
 
 pub use fitted::separate_fitted;
 pub use minimum::{separate_minimum, separate_thresholded, separate_unbiased};
 pub use noise::CombNoise;
+pub use residual::{Residual, residual, residual_of_minimum};
 
 /// How squares are told apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -108,80 +111,6 @@ impl<'a> Combs<'a> {
     pub fn is_present(&self, u: usize, v: usize) -> bool {
         self.row(u, v).is_some() && self.column(u, v).is_some()
     }
-}
-
-/// How well the squares explain the photographs: sums of squares over lanes, to be added and compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Residual {
-    /// Σ (sum of the comb's squares − comb photograph)², over all combs.
-    pub combs_error: f64,
-    /// Σ (comb photograph)².
-    pub combs_energy: f64,
-    /// Σ (sum of all squares − white frame)².
-    pub white_error: f64,
-    /// Σ (white frame)².
-    pub white_energy: f64,
-}
-
-impl Residual {
-    /// Adds what another part of the picture says.
-    pub fn add(&mut self, other: Self) {
-        self.combs_error += other.combs_error;
-        self.combs_energy += other.combs_energy;
-        self.white_error += other.white_error;
-        self.white_energy += other.white_energy;
-    }
-
-    /// Relative L2 error against the comb photographs; `None` if there are none or they are all black.
-    pub fn combs(&self) -> Option<f64> {
-        (self.combs_energy > 0.0).then(|| (self.combs_error / self.combs_energy).sqrt())
-    }
-
-    /// Relative L2 error against the white frame; `None` if there is none or it is all black.
-    pub fn white(&self) -> Option<f64> {
-        (self.white_energy > 0.0).then(|| (self.white_error / self.white_energy).sqrt())
-    }
-}
-
-/// Compares separated squares with the photographs they came from. Combs that lack a square are left out, and the white
-/// frame where any square is missing.
-pub fn residual(combs: &Combs, squares: &[f32]) -> Residual {
-    let (m, spacing, lanes) = (combs.squares, combs.spacing, combs.lanes);
-    let mut residual = Residual::default();
-    let mut sum = vec![0.0f32; lanes];
-    // Squared error of a sum of squares, and squared photograph; nothing if a square or the photograph is missing.
-    let mut compare = |members: &mut dyn Iterator<Item = (usize, usize)>, photograph: Option<&[f32]>| {
-        let Some(photograph) = photograph else { return (0.0, 0.0) };
-        sum.fill(0.0);
-        for (u, v) in members {
-            if !combs.is_present(u, v) {
-                return (0.0, 0.0);
-            }
-            let square = &squares[(v * m + u) * lanes..][..lanes];
-            sum.iter_mut().zip(square).for_each(|(sum, value)| *sum += value);
-        }
-        let (mut error, mut energy) = (0.0, 0.0);
-        for (sum, value) in sum.iter().zip(photograph).filter(|(_, value)| !value.is_nan()) {
-            error += f64::from(sum - value).powi(2);
-            energy += f64::from(*value).powi(2);
-        }
-        (error, energy)
-    };
-    for line in 0..m {
-        for k in 0..spacing {
-            let comb = (k..m).step_by(spacing);
-            for (error, energy) in [
-                compare(&mut comb.clone().map(|u| (u, line)), combs.rows[line * spacing + k]),
-                compare(&mut comb.clone().map(|v| (line, v)), combs.columns[line * spacing + k]),
-            ] {
-                residual.combs_error += error;
-                residual.combs_energy += energy;
-            }
-        }
-    }
-    let all = &mut (0..m * m).map(|square| (square % m, square / m));
-    (residual.white_error, residual.white_energy) = compare(all, combs.white);
-    residual
 }
 
 #[cfg(test)]

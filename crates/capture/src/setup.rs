@@ -263,11 +263,11 @@ impl Setup {
     /// Bytes of memory that one position needs while it is developed, and `tile_pixels` of its squares are told apart.
     pub fn developing_bytes(&self, tile_pixels: usize) -> usize {
         let squares = self.cells.squares();
-        // With black, its variance, white and the sum of all.
+        // With black, its variance and white; one more while it is read. Squares are halves.
         let frames = self.scheme.lighting(squares).len() + 4;
         let pixels = self.width * self.height;
         let frames = frames.saturating_mul(pixels).saturating_mul(12);
-        frames.saturating_add((2 * squares * squares * 12).saturating_mul(tile_pixels.min(pixels)))
+        frames.saturating_add((squares * squares * 6).saturating_mul(tile_pixels.min(pixels)))
     }
 
     /// Holds a picture against what is promised of the camera's pictures: size, bits, whether it is linear.

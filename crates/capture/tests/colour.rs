@@ -82,9 +82,9 @@ fn worst(directory: &Path, method: Method) -> (f64, f64) {
     for (square, picture) in tile.transfer.chunks_exact(WIDTH * HEIGHT * 3).enumerate() {
         let (u, v) = (square % SQUARES, square / SQUARES);
         let factor = developer.capture().setup().transfer_per_radiance(Cell { position: 0, u, v });
-        for (pixel, found) in picture.chunks_exact(3).enumerate() {
-            for (found, known) in found.iter().zip(truth(pixel, u, v)) {
-                let (found, known) = (f64::from(*found), known * factor);
+        for pixel in 0..WIDTH * HEIGHT {
+            for (channel, known) in truth(pixel, u, v).into_iter().enumerate() {
+                let (found, known) = (f64::from(picture[channel * WIDTH * HEIGHT + pixel]), known * factor);
                 worst = worst.max((found - known).abs());
                 largest = largest.max(known.abs());
                 lowest = lowest.min(found);

@@ -9,6 +9,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use half::f16;
+use half::slice::HalfFloatSliceExt;
 
 use crate::shard_index::{NOT_STORED, ShardIndex};
 use crate::{Blocks, Extent, FieldError, zarr};
@@ -38,8 +39,8 @@ fn pad(square: &[f16], extent: &Extent, [height, width]: [usize; 2], raw: &mut [
     for (index, row) in square.chunks_exact(extent.columns.len()).enumerate() {
         let (channel, y) = (index / extent.rows.len(), index % extent.rows.len());
         let to = (channel * height + y) * width * 2;
-        for (value, bytes) in row.iter().zip(raw[to..].chunks_exact_mut(2)) {
-            bytes.copy_from_slice(&value.to_le_bytes());
+        for (bits, bytes) in row.reinterpret_cast().iter().zip(raw[to..].as_chunks_mut::<2>().0) {
+            *bytes = bits.to_le_bytes();
         }
     }
 }

@@ -28,7 +28,7 @@ pub use merge::{
     Disagreement, ExposureRatio, Merged, NoiseModel, RefinedExposures, Visibility, merge_counts,
     merge_counts_disagreeing, merge_counts_disagreeing_plain, merge_counts_plain, merge_linear, refine_exposures,
 };
-pub use noise::{NoiseCurve, NoiseSamples};
+pub use noise::{MeasuredLanes, NoiseCurve, NoiseSamples};
 pub use response::{
     ChannelFit, Linearization, RecoveredResponse, RecoveryError, Response, ResponseCurve, ResponseError,
     recover_response, response_plot,

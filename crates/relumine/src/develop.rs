@@ -8,7 +8,7 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use relumine_capture::separation::{Method, Removed, Residual};
-use relumine_capture::{CameraResponse, Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Setup, Tile};
+use relumine_capture::{CameraResponse, Capture, DevelopedPosition, Developer, Loss, Remark, Scheme, Setup};
 use relumine_field::packed::{Keep, Patches, Sketch};
 use relumine_field::{Blocks, Extent, FieldError, FieldWriter, Header, PositionRecord};
 use relumine_radiometry::ChannelFit;
@@ -212,8 +212,11 @@ impl Development {
         let mut removed = Removed::default();
         for tile in self.writer.blocks().all_tiles() {
             let separated = |extent: &Extent| {
-                let block = developed.separate(extent.columns.clone(), extent.rows.clone());
-                (halves(&block, scale), (block.residual, block.residual_of_minimum, block.removed))
+                let block =
+                    developed.separate_as(extent.columns.clone(), extent.rows.clone(), |transfer, halves| {
+                        to_halves(transfer, scale, halves);
+                    });
+                (block.transfer, (block.residual, block.residual_of_minimum, block.removed))
             };
             let keep = self.encoding.packing().map(|packing| Keep::for_error(packing.error));
             let residuals = match keep {
@@ -309,21 +312,20 @@ fn square_flux(setup: &Setup) -> Vec<f64> {
     flux
 }
 
-/// A block as halves over `scale`, from `[square][row][column][channel]` to `[square][channel][row][column]`.
-fn halves(tile: &Tile, scale: f32) -> Vec<f16> {
-    let pixels = tile.columns.len() * tile.rows.len();
-    let mut halves = vec![f16::ZERO; tile.transfer.len()];
-    let mut planar = vec![0.0f32; 3 * pixels];
-    for (halves, transfer) in halves.chunks_exact_mut(3 * pixels).zip(tile.transfer.chunks_exact(3 * pixels)) {
-        for (pixel, sample) in transfer.chunks_exact(3).enumerate() {
-            for channel in 0..3 {
-                planar[channel * pixels + pixel] =
-                    (sample[channel] / scale).clamp(f16::MIN.to_f32(), f16::MAX.to_f32());
-            }
+/// Transfers as halves over `scale`, a power of two.
+fn to_halves(transfer: &[f32], scale: f32, halves: &mut [f16]) {
+    const TOGETHER: usize = 64;
+    const LARGEST: f32 = f16::MAX.to_f32_const();
+    let (factor, mut scaled) = (scale.recip(), [0.0; TOGETHER]);
+    for (transfer, halves) in transfer.chunks(TOGETHER).zip(halves.chunks_mut(TOGETHER)) {
+        let scaled = &mut scaled[..transfer.len()];
+        for (scaled, value) in scaled.iter_mut().zip(transfer) {
+            let value = value * factor;
+            let value = if value > LARGEST { LARGEST } else { value };
+            *scaled = if value < -LARGEST { -LARGEST } else { value };
         }
-        halves.convert_from_f32_slice(&planar);
+        halves.convert_from_f32_slice(scaled);
     }
-    halves
 }
 
 /// Names the input of a development: description, table, response file, colour correction and the options that change the result.

@@ -13,7 +13,9 @@
 //! 3. The sums of these squares are the margins that are fitted. What the total has more, or less, cannot be told from noise
 //!    in any one square and is spread evenly over the table, so that sums stay right.
 
-use super::noise::CombNoise;
+use crate::lanes::{Lanes, add, follow};
+use super::noise::NoiseOfLanes;
+use super::table::Table;
 
 /// Variance of a square in the dark, as a share of σ².
 const FLOOR: f32 = 0.6;
@@ -25,220 +27,296 @@ const SWEEPS: usize = 12;
 /// contradicts them.
 const CONTRADICTION_SIGMAS: f32 = 5.0;
 
-/// The margins of one table, `[line][lane]`.
-pub(super) struct Margins<'a> {
-    pub(super) rows: &'a mut [f32],
-    pub(super) columns: &'a mut [f32],
-    pub(super) total: &'a mut [f32],
+/// Variances of a table's photographs.
+pub(super) struct Variances<const W: usize> {
+    rows: Vec<Lanes<W>>,
+    columns: Vec<Lanes<W>>,
+    /// Of the total, as its own photographs say it.
+    total: Lanes<W>,
 }
 
-/// What is known of the total of one table in one lane.
-#[derive(Clone, Copy, Default)]
-struct Total {
-    value: f32,
-    /// Variance of its own.
-    variance: f32,
-    /// How often the black frame is subtracted in it.
-    blacks: f32,
+impl<const W: usize> Variances<W> {
+    /// Of nothing yet.
+    pub(super) fn new() -> Self {
+        Self { rows: Vec::new(), columns: Vec::new(), total: [0.0; W] }
+    }
+
+    #[inline(always)]
+    fn measure(&mut self, table: &Table<W>, noise: &NoiseOfLanes<W>) {
+        self.rows.clear();
+        self.rows.extend(table.rows.iter().map(|row| noise.of(row)));
+        self.columns.clear();
+        self.columns.extend(table.columns.iter().map(|column| noise.of(column)));
+    }
 }
 
-/// Estimates the totals of all tables of a position lane by lane, and takes from rows and columns what the white frame says
-/// of the black frame's error. `white` is used if all tables are there; `believed` is the factor by which it may differ.
-pub(super) fn totals(tables: &mut [Margins], white: Option<&[f32]>, believed: f32, noise: &CombNoise, lanes: usize) {
-    let mut of_lane = vec![Total::default(); tables.len()];
-    for lane in 0..lanes {
-        for (total, table) in of_lane.iter_mut().zip(tables.iter()) {
-            *total = of_table(table, noise, lane, lanes);
+/// How often the black frame is subtracted in the total of a table.
+fn blacks<const W: usize>(table: &Table<W>) -> f32 {
+    2.0 / (1.0 / table.rows.len() as f32 + 1.0 / table.columns.len() as f32)
+}
+
+/// Estimates the totals of all tables of a position, and takes from rows and columns what the white frame says of the black
+/// frame's error. `white` is used if all tables are there; `believed` is the factor by which it may differ. Gives the
+/// variances of the photographs.
+#[inline(always)]
+pub(super) fn totals<const W: usize>(
+    tables: &mut [Table<W>],
+    white: Option<&Lanes<W>>,
+    believed: f32,
+    noise: &NoiseOfLanes<W>,
+    variances: &mut [Variances<W>],
+) {
+    for (table, variances) in tables.iter_mut().zip(&mut *variances) {
+        variances.measure(table, noise);
+        (table.total, variances.total) = of_table(table, variances);
+    }
+    let Some(white) = white else { return };
+    let (mut sum, mut variance) = ([0.0; W], [0.0; W]);
+    for (table, variances) in tables.iter().zip(&*variances) {
+        for lane in 0..W {
+            sum[lane] += table.total[lane];
+            variance[lane] += variances.total[lane];
         }
-        let mut correction = 0.0;
-        if let Some(white) = white.map(|white| white[lane]).filter(|white| white.is_finite()) {
-            let (sum, variance, blacks) = of_lane.iter().fold((0.0, 0.0, 0.0), |(sum, variance, blacks), total| {
-                (sum + total.value, variance + total.variance, blacks + total.blacks)
-            });
-            // Combs share the error κ of the black frame: their sum has it `blacks` times, the white frame once.
-            let (shared, surprise) = (noise.shared(lane), white - sum);
-            let expected = variance + noise.of(lane, white) + (blacks - 1.0).powi(2) * shared;
-            let agrees = white * believed >= sum && white <= believed * sum && sum > 0.0;
-            if expected > 0.0 && (agrees || surprise.abs() < CONTRADICTION_SIGMAS * expected.sqrt()) {
-                correction = (blacks - 1.0) * shared / expected * surprise;
-                for total in &mut of_lane {
-                    total.value += total.variance / expected * surprise + total.blacks * correction;
-                }
-            }
+    }
+    // Combs share the error κ of the black frame: their sum has it `blacks_of_all` times, the white frame once.
+    let blacks_of_all = tables.iter().map(|table| blacks(table)).sum::<f32>();
+    let of_white = noise.of(white);
+    // By lane: what the white frame has more than the combs over the variance of that, and what of it is κ.
+    let (mut surprise, mut correction) = ([0.0; W], [0.0; W]);
+    for lane in 0..W {
+        let (white, sum, shared) = (white[lane], sum[lane], noise.shared[lane]);
+        let expected = variance[lane] + of_white[lane] + (blacks_of_all - 1.0).powi(2) * shared;
+        let agrees = (white * believed >= sum) & (white <= believed * sum) & (sum > 0.0);
+        let near = (white - sum).abs() < CONTRADICTION_SIGMAS * expected.sqrt();
+        // False for NaN and for infinities too.
+        let is_believed = (white.abs() < f32::INFINITY) & (expected > 0.0) & (agrees | near);
+        surprise[lane] = if is_believed { (white - sum) / expected } else { 0.0 };
+        correction[lane] = (blacks_of_all - 1.0) * shared * surprise[lane];
+    }
+    for (table, variances) in tables.iter_mut().zip(&*variances) {
+        let blacks = blacks(table);
+        for lane in 0..W {
+            table.total[lane] += variances.total[lane] * surprise[lane] + blacks * correction[lane];
         }
-        for (total, table) in of_lane.iter().zip(tables.iter_mut()) {
-            table.total[lane] = total.value;
-            let lines = table.rows.chunks_exact_mut(lanes).chain(table.columns.chunks_exact_mut(lanes));
-            lines.for_each(|line| line[lane] += correction);
+        for line in table.rows.iter_mut().chain(&mut table.columns) {
+            (0..W).for_each(|lane| line[lane] += correction[lane]);
         }
     }
 }
 
-fn of_table(table: &Margins, noise: &CombNoise, lane: usize, lanes: usize) -> Total {
-    let add = |lines: &[f32]| {
-        let values = lines.chunks_exact(lanes).map(|line| line[lane]);
-        values.fold((0.0, 0.0), |(sum, variance), value| (sum + value, variance + noise.of(lane, value)))
-    };
-    let ((rows, of_rows), (columns, of_columns)) = (add(table.rows), add(table.columns));
-    let (down, across) = ((table.rows.len() / lanes) as f32, (table.columns.len() / lanes) as f32);
+/// The total of a table and its variance, its own photographs alone.
+#[inline(always)]
+fn of_table<const W: usize>(table: &Table<W>, variances: &Variances<W>) -> (Lanes<W>, Lanes<W>) {
+    let (rows, columns) = (sum(&table.rows), sum(&table.columns));
+    let (of_rows, of_columns) = (sum(&variances.rows), sum(&variances.columns));
+    let (down, across) = (table.rows.len() as f32, table.columns.len() as f32);
     // Each photograph counts with the mean variance of all.
-    let (mean, weights) = ((of_rows + of_columns) / (down + across), 1.0 / down + 1.0 / across);
-    Total { value: (rows / down + columns / across) / weights, variance: mean / weights, blacks: 2.0 / weights }
+    let weights = 1.0 / down + 1.0 / across;
+    let mean = |lane: usize| (of_rows[lane] + of_columns[lane]) / (down + across);
+    (
+        std::array::from_fn(|lane| (rows[lane] / down + columns[lane] / across) / weights),
+        std::array::from_fn(|lane| mean(lane) / weights),
+    )
+}
+
+#[inline(always)]
+fn sum<const W: usize>(lines: &[Lanes<W>]) -> Lanes<W> {
+    let mut sum = [0.0; W];
+    for line in lines {
+        (0..W).for_each(|lane| sum[lane] += line[lane]);
+    }
+    sum
 }
 
 /// Squares of one table, freed of noise as far as the photographs can say.
-#[derive(Default)]
-pub(super) struct Freed {
-    /// `[row][column][lane]`: what is to be fitted.
-    light: Vec<f32>,
-    /// `[row][column][lane]`: what squares in the dark follow their combs by; may be negative.
-    follow: Vec<f32>,
-    spread: Vec<f32>,
-    variance: Vec<f32>,
-    multipliers: [Vec<f32>; 2],
-    deviations: [Vec<f32>; 2],
-    sum: Vec<f32>,
-    /// Of rows and of columns: 1 over the variances of the margin and of all its squares together.
-    weights: [Vec<f32>; 2],
+pub(super) struct Freed<const W: usize> {
+    /// `[row][column]`: what is to be fitted.
+    light: Vec<Lanes<W>>,
+    /// `[row][column]`: the variance of a square that is alone in both its combs, and in the end what squares in the dark
+    /// follow their combs by; may be negative.
+    follow: Vec<Lanes<W>>,
+    /// `[row][column]`: the variance of a square about its gated minimum.
+    variance: Vec<Lanes<W>>,
+    rows: Lines<W>,
+    columns: Lines<W>,
+    /// What is added to every square of the table.
+    spread: Lanes<W>,
 }
 
-impl Freed {
-    /// Frees the margins of a table: they become the sums of its squares, cut at zero, and the total what of them is to be
-    /// fitted.
-    pub(super) fn free(&mut self, table: &mut Margins, noise: &CombNoise, lanes: usize) {
-        let (down, across) = (table.rows.len() / lanes, table.columns.len() / lanes);
-        self.prepare(table, noise, lanes);
-        let ([of_rows, of_columns], [down_by, across_by]) = (&self.deviations, &mut self.multipliers);
-        for _ in 0..SWEEPS {
-            for j in 0..down {
-                let members = (0..across).map(|i| j * across + i);
-                let margin = (&table.rows[j * lanes..][..lanes], &of_rows[j * lanes..][..lanes]);
-                let known = (&self.variance[..], &self.weights[0][j * lanes..][..lanes]);
-                follow(&mut self.light, known, members, margin, &mut down_by[j * lanes..][..lanes], &mut self.sum);
-            }
-            for i in 0..across {
-                let members = (0..down).map(|j| j * across + i);
-                let margin = (&table.columns[i * lanes..][..lanes], &of_columns[i * lanes..][..lanes]);
-                let known = (&self.variance[..], &self.weights[1][i * lanes..][..lanes]);
-                follow(&mut self.light, known, members, margin, &mut across_by[i * lanes..][..lanes], &mut self.sum);
-            }
-        }
-        // What the floor of the variance let squares follow is kept apart: fitting needs squares that are not negative.
-        let total = table.total.to_vec();
-        table.rows.fill(0.0);
-        table.columns.fill(0.0);
-        self.spread.copy_from_slice(&total);
-        for j in 0..down {
-            for i in 0..across {
-                let at = (j * across + i) * lanes;
-                for lane in 0..lanes {
-                    let alone = alone(of_rows[j * lanes + lane], of_columns[i * lanes + lane]);
-                    let multiplier = down_by[j * lanes + lane] + across_by[i * lanes + lane];
-                    let follow = FLOOR * alone * multiplier;
-                    let light = self.light[at + lane] - follow;
-                    self.follow[at + lane] = follow;
-                    self.spread[lane] -= follow;
-                    table.rows[j * lanes + lane] += light;
-                    table.columns[i * lanes + lane] += light;
-                }
-            }
-        }
-        table.total.fill(0.0);
-        for lines in [&mut *table.rows, &mut *table.columns] {
-            for line in lines.chunks_exact_mut(lanes) {
-                for (value, total) in line.iter_mut().zip(table.total.iter_mut()) {
-                    *value = value.max(0.0);
-                    *total += 0.5 * *value;
-                }
-            }
-        }
-        let fitted = table.total.iter();
-        self.spread
-            .iter_mut()
-            .zip(fitted)
-            .for_each(|(spread, fitted)| *spread = (*spread - fitted) / (down * across) as f32);
+/// What is known of the margins of one family while squares follow them.
+struct Lines<const W: usize> {
+    multipliers: Vec<Lanes<W>>,
+    /// 1 over the variances of the margin and of all its squares together.
+    weights: Vec<Lanes<W>>,
+    /// Sums of the squares.
+    sums: Vec<Lanes<W>>,
+}
+
+impl<const W: usize> Lines<W> {
+    fn new() -> Self {
+        Self { multipliers: Vec::new(), weights: Vec::new(), sums: Vec::new() }
     }
 
-    /// What is added to a fitted square, and what of it was spread over all squares of the table.
-    pub(super) fn rest(&self, square: usize, lane: usize, lanes: usize) -> (f32, f32) {
-        let spread = self.spread[lane];
-        (self.follow[square * lanes + lane] + spread, spread)
+    #[inline(always)]
+    fn prepare(&mut self, variances: &[Lanes<W>]) {
+        self.multipliers.clear();
+        self.multipliers.resize(variances.len(), [0.0; W]);
+        self.weights.clear();
+        self.weights.extend_from_slice(variances);
+        self.sums.clear();
+        self.sums.resize(variances.len(), [0.0; W]);
+    }
+
+    #[inline(always)]
+    fn invert_weights(&mut self) {
+        for weight in &mut self.weights {
+            (0..W).for_each(|lane| weight[lane] = 1.0 / weight[lane].max(f32::MIN_POSITIVE));
+        }
+    }
+
+    /// How far the squares of a line follow its photograph, as its variance and theirs say: steps of the multiplier.
+    #[inline(always)]
+    fn step(&mut self, line: usize, margin: &Lanes<W>, variance: &Lanes<W>) -> Lanes<W> {
+        let (multiplier, weight, sum) = (&mut self.multipliers[line], &self.weights[line], &self.sums[line]);
+        let step = std::array::from_fn(|lane| {
+            (margin[lane] - sum[lane] - variance[lane] * multiplier[lane]) * weight[lane]
+        });
+        (0..W).for_each(|lane| multiplier[lane] += step[lane]);
+        step
+    }
+}
+
+impl<const W: usize> Freed<W> {
+    /// Of nothing yet.
+    pub(super) fn new() -> Self {
+        Self {
+            light: Vec::new(),
+            follow: Vec::new(),
+            variance: Vec::new(),
+            rows: Lines::new(),
+            columns: Lines::new(),
+            spread: [0.0; W],
+        }
+    }
+
+    /// Frees the margins of a table: they become the sums of its squares, cut at zero, and the total what of them is to be
+    /// fitted.
+    #[inline(always)]
+    pub(super) fn free(&mut self, table: &mut Table<W>, variances: &Variances<W>) {
+        self.prepare(table, variances);
+        for _ in 0..SWEEPS {
+            self.sweep(table, variances);
+        }
+        // What the floor of the variance let squares follow is kept apart: fitting needs squares that are not negative.
+        let across = table.columns.len();
+        self.spread = table.total;
+        table.rows.fill([0.0; W]);
+        table.columns.fill([0.0; W]);
+        let squares = self.light.chunks_exact(across).zip(self.follow.chunks_exact_mut(across));
+        for ((light, follow), (row, down_by)) in squares.zip(table.rows.iter_mut().zip(&self.rows.multipliers)) {
+            let columns = table.columns.iter_mut().zip(&self.columns.multipliers);
+            for ((light, follow), (column, across_by)) in light.iter().zip(follow).zip(columns) {
+                for lane in 0..W {
+                    follow[lane] = FLOOR * follow[lane] * (down_by[lane] + across_by[lane]);
+                    let light = light[lane] - follow[lane];
+                    self.spread[lane] -= follow[lane];
+                    row[lane] += light;
+                    column[lane] += light;
+                }
+            }
+        }
+        table.total = [0.0; W];
+        for line in table.rows.iter_mut().chain(&mut table.columns) {
+            for lane in 0..W {
+                line[lane] = line[lane].max(0.0);
+                table.total[lane] += 0.5 * line[lane];
+            }
+        }
+        for lane in 0..W {
+            self.spread[lane] = (self.spread[lane] - table.total[lane]) / self.light.len() as f32;
+        }
+    }
+
+    /// `[row][column]`: what is added to a fitted square apart from what is spread.
+    pub(super) fn follow(&self) -> &[Lanes<W>] {
+        &self.follow
+    }
+
+    /// What is spread over all squares of the table, to each of them.
+    pub(super) fn spread(&self) -> &Lanes<W> {
+        &self.spread
+    }
+
+    /// Lets squares follow all rows, then all columns; the sums of either are gathered while they follow the other.
+    #[inline(always)]
+    fn sweep(&mut self, table: &Table<W>, variances: &Variances<W>) {
+        let across = table.columns.len();
+        self.columns.sums.fill([0.0; W]);
+        let squares = self.light.chunks_exact_mut(across).zip(self.variance.chunks_exact(across));
+        for (line, (light, variance)) in squares.enumerate() {
+            let step = self.rows.step(line, &table.rows[line], &variances.rows[line]);
+            for ((light, variance), sum) in light.iter_mut().zip(variance).zip(&mut self.columns.sums) {
+                follow(light, variance, &step, sum);
+            }
+        }
+        for line in 0..across {
+            // The sum is not needed once the step is known.
+            self.columns.sums[line] = self.columns.step(line, &table.columns[line], &variances.columns[line]);
+        }
+        let squares = self.light.chunks_exact_mut(across).zip(self.variance.chunks_exact(across));
+        for ((light, variance), sum) in squares.zip(&mut self.rows.sums) {
+            let mut added = [0.0; W];
+            for ((light, variance), step) in light.iter_mut().zip(variance).zip(&self.columns.sums) {
+                follow(light, variance, step, &mut added);
+            }
+            *sum = added;
+        }
     }
 
     /// Gated minima, their variances, and those of the margins.
-    fn prepare(&mut self, table: &Margins, noise: &CombNoise, lanes: usize) {
-        let (down, across) = (table.rows.len() / lanes, table.columns.len() / lanes);
-        for (lines, (deviations, multipliers)) in
-            [&*table.rows, &*table.columns].into_iter().zip(self.deviations.iter_mut().zip(&mut self.multipliers))
-        {
-            deviations.clear();
-            deviations.extend(lines.iter().enumerate().map(|(at, value)| noise.of(at % lanes, *value)));
-            multipliers.clear();
-            multipliers.resize(lines.len(), 0.0);
+    #[inline(always)]
+    fn prepare(&mut self, table: &Table<W>, variances: &Variances<W>) {
+        self.rows.prepare(&variances.rows);
+        self.columns.prepare(&variances.columns);
+        let squares = table.rows.len() * table.columns.len();
+        for values in [&mut self.light, &mut self.follow, &mut self.variance] {
+            values.resize(squares, [0.0; W]);
         }
-        self.sum.resize(lanes, 0.0);
-        self.spread.resize(lanes, 0.0);
-        self.follow.resize(down * across * lanes, 0.0);
-        self.light.clear();
-        self.variance.clear();
-        for (weights, deviations) in self.weights.iter_mut().zip(&self.deviations) {
-            weights.clone_from(deviations);
-        }
-        for j in 0..down {
-            for i in 0..across {
-                for lane in 0..lanes {
-                    let (row, column) = (table.rows[j * lanes + lane], table.columns[i * lanes + lane]);
-                    let (of_row, of_column) =
-                        (self.deviations[0][j * lanes + lane], self.deviations[1][i * lanes + lane]);
-                    let minimum = row.min(column).max(0.0);
-                    let variance = if row < column { of_row } else { of_column };
-                    let square = minimum * minimum;
-                    let gated = minimum * (square / (square + GATE * GATE * variance).max(f32::MIN_POSITIVE));
-                    let variance = gated * gated + FLOOR * alone(of_row, of_column);
-                    self.light.push(gated);
-                    self.variance.push(variance);
-                    self.weights[0][j * lanes + lane] += variance;
-                    self.weights[1][i * lanes + lane] += variance;
-                }
+        let across = table.columns.len();
+        let squares = self.light.chunks_exact_mut(across).zip(self.follow.chunks_exact_mut(across));
+        let rows = squares.zip(self.variance.chunks_exact_mut(across)).enumerate();
+        for (j, ((light, alone), variance)) in rows {
+            for (i, ((light, alone), variance)) in light.iter_mut().zip(alone).zip(variance).enumerate() {
+                let (row, column) = (&table.rows[j], &table.columns[i]);
+                gate(light, alone, variance, row, column, &variances.rows[j], &variances.columns[i]);
+                add(&mut self.rows.sums[j], light);
+                add(&mut self.rows.weights[j], variance);
+                add(&mut self.columns.weights[i], variance);
             }
         }
-        let weights = self.weights.iter_mut().flatten();
-        weights.for_each(|weight| *weight = 1.0 / weight.max(f32::MIN_POSITIVE));
+        self.rows.invert_weights();
+        self.columns.invert_weights();
     }
 }
 
-/// Variance of a square that is alone in both its combs.
-fn alone(of_row: f32, of_column: f32) -> f32 {
-    of_row * of_column / (of_row + of_column).max(f32::MIN_POSITIVE)
-}
-
-/// Lets the squares of one margin follow its photograph as far as both their variances say.
-fn follow(
-    squares: &mut [f32],
-    (variances, weights): (&[f32], &[f32]),
-    members: impl Iterator<Item = usize> + Clone,
-    (margin, of_margin): (&[f32], &[f32]),
-    multiplier: &mut [f32],
-    sum: &mut [f32],
+/// The gated minimum of a row and a column, the variance of a square that is alone in both, and that of this square.
+#[inline(always)]
+fn gate<const W: usize>(
+    light: &mut Lanes<W>,
+    alone: &mut Lanes<W>,
+    variance: &mut Lanes<W>,
+    row: &Lanes<W>,
+    column: &Lanes<W>,
+    of_row: &Lanes<W>,
+    of_column: &Lanes<W>,
 ) {
-    let lanes = margin.len();
-    sum.fill(0.0);
-    for member in members.clone() {
-        let values = &squares[member * lanes..][..lanes];
-        sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
-    }
-    for (((sum, weight), multiplier), (margin, of_margin)) in
-        sum.iter_mut().zip(weights).zip(multiplier.iter_mut()).zip(margin.iter().zip(of_margin))
-    {
-        let step = (margin - *sum - of_margin * *multiplier) * weight;
-        *multiplier += step;
-        *sum = step;
-    }
-    for member in members {
-        let variances = &variances[member * lanes..][..lanes];
-        let values = squares[member * lanes..][..lanes].iter_mut();
-        for ((value, variance), step) in values.zip(variances).zip(sum.iter()) {
-            *value += variance * step;
-        }
+    for lane in 0..W {
+        let (row, column, of_row, of_column) = (row[lane], column[lane], of_row[lane], of_column[lane]);
+        let minimum = (if row < column { row } else { column }).max(0.0);
+        let of_minimum = if row < column { of_row } else { of_column };
+        let squared = minimum * minimum;
+        light[lane] = minimum * (squared / (squared + GATE * GATE * of_minimum).max(f32::MIN_POSITIVE));
+        alone[lane] = of_row * of_column / (of_row + of_column).max(f32::MIN_POSITIVE);
+        variance[lane] = light[lane] * light[lane] + FLOOR * alone[lane];
     }
 }

@@ -3,6 +3,7 @@
 use relumine_radiometry::NoiseCurve;
 
 use super::Combs;
+use crate::lanes::{Lanes, load};
 
 /// The noise of the photographs of which [`Combs`] were made: a frame is (photograph − black) · scale.
 #[derive(Clone, Copy)]
@@ -23,11 +24,6 @@ impl CombNoise<'_> {
         self.scale * self.scale * self.curve.at(value / self.scale + self.black[lane])
     }
 
-    /// Variance of a lane's error that all frames share.
-    pub(super) fn shared(&self, lane: usize) -> f32 {
-        self.scale * self.scale * self.black_variance[lane]
-    }
-
     /// Standard deviation of a frame without light in one lane.
     pub(super) fn dark_deviation(&self) -> f32 {
         self.scale * self.curve.dark().sqrt()
@@ -39,5 +35,31 @@ impl<'a> Combs<'a> {
     pub(super) fn noisy(&self) -> Option<&CombNoise<'a>> {
         let has_any = |noise: &&CombNoise| noise.curve.dark() > 0.0 || noise.curve.at(1.0) > 0.0;
         self.noise.as_ref().filter(has_any)
+    }
+}
+
+/// [`CombNoise`] of W lanes.
+pub(super) struct NoiseOfLanes<'a, const W: usize> {
+    curve: &'a NoiseCurve,
+    black: Lanes<W>,
+    scale: f32,
+    /// Variance of the error that all frames share.
+    pub(super) shared: Lanes<W>,
+}
+
+impl<'a, const W: usize> NoiseOfLanes<'a, W> {
+    /// Of the lanes from `at` on.
+    #[inline(always)]
+    pub(super) fn new(noise: &CombNoise<'a>, at: usize) -> Self {
+        let variance: Lanes<W> = load(noise.black_variance, at);
+        let shared = variance.map(|variance| noise.scale * noise.scale * variance);
+        Self { curve: noise.curve, black: load(noise.black, at), scale: noise.scale, shared }
+    }
+
+    /// Variance of a frame's own error, the black frame's left aside.
+    #[inline(always)]
+    pub(super) fn of(&self, values: &Lanes<W>) -> Lanes<W> {
+        let per_scale = 1.0 / self.scale;
+        std::array::from_fn(|lane| self.scale * self.scale * self.curve.at(values[lane] * per_scale + self.black[lane]))
     }
 }

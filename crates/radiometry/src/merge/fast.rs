@@ -1,12 +1,12 @@
 //! Merging from tables, in bands of rows and blocks of samples that stay in the cache.
 //!
 //! A sample that enters no sum has an infinite variance, so the loops have no branches; only beside clipped pixels a sample is
-//! asked whether it is too bright. Where no exposure is safe, the plain version is asked, pixel by pixel.
+//! asked whether it is too bright. Where no exposure is safe, the plain version is asked, sample by sample.
 
 use rayon::prelude::*;
 
 use super::plain::BLOOMING_SIGMAS;
-use super::{Disagreement, Merged, Stack, Visibility, of_pixel};
+use super::{Disagreement, Merged, Stack, Visibility};
 use crate::Image;
 
 /// Pixels that one task merges, about: whole rows.
@@ -86,20 +86,29 @@ fn merge_band(
             variance.as_flattened_mut(),
         );
         for (pixel, seen) in visibility.iter_mut().enumerate() {
-            let any = |flags: &[u8]| flags[3 * pixel..3 * pixel + 3] != [0; 3];
-            if any(&block.nothing) {
-                block.forget(pixel);
-                let samples = stack.pixel(start + offset + pixel, &mut used);
-                radiance[pixel] = samples.map(|sample| sample.radiance as f32);
-                variance[pixel] = samples.map(|sample| sample.variance as f32);
-                *seen = of_pixel(samples.map(|sample| sample.visibility));
-            } else if any(&block.black) {
+            let of_pixel = 3 * pixel..3 * pixel + 3;
+            let (nothing, black) = (&block.nothing[of_pixel.clone()], &block.black[of_pixel]);
+            if nothing != [0; 3] {
+                let mut of_channels = [0, 1, 2].map(|channel| seen_or_black(black[channel]));
+                for channel in (0..3).filter(|channel| nothing[*channel] != 0) {
+                    // It entered no sum of the block, so it is counted there only.
+                    let sample = stack.unsafe_sample(start + offset + pixel, channel, &mut used);
+                    radiance[pixel][channel] = sample.radiance as f32;
+                    variance[pixel][channel] = sample.variance as f32;
+                    of_channels[channel] = sample.visibility;
+                }
+                *seen = super::of_pixel(of_channels);
+            } else if black != [0; 3] {
                 *seen = Visibility::Black;
             }
         }
         block.count(3 * visibility.len(), &mut used);
     }
     used
+}
+
+fn seen_or_black(is_black: u8) -> Visibility {
+    if is_black == 0 { Visibility::Seen } else { Visibility::Black }
 }
 
 /// Working memory for a block of samples.
@@ -274,13 +283,6 @@ impl Block {
                     self.dark_variance[own] = f32::INFINITY;
                 }
             }
-        }
-    }
-
-    /// Leaves a pixel out of the count: it is counted elsewhere.
-    fn forget(&mut self, pixel: usize) {
-        for dark in self.dark_variance.chunks_exact_mut(self.samples) {
-            dark[3 * pixel..3 * pixel + 3].fill(f32::INFINITY);
         }
     }
 

@@ -113,7 +113,7 @@ impl Stack<'_> {
     }
 
     /// Where every exposure is at the floor or near white: the longest that is not clipped.
-    fn unsafe_sample(&self, pixel: usize, channel: usize, used: &mut [u64]) -> Sample {
+    pub(super) fn unsafe_sample(&self, pixel: usize, channel: usize, used: &mut [u64]) -> Sample {
         let code = |i: usize| self.exposures[i].counts[pixel][channel];
         let unclipped = (0..self.exposures.len()).rfind(|i| code(*i) < self.camera.white_level());
         let clipped_from = unclipped.map_or(0, |i| i + 1);

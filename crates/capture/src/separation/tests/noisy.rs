@@ -6,6 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use relumine_radiometry::NoiseCurve;
 
 use super::*;
+use crate::separation::fitted::separate_fitted_plain;
 
 /// The sensor of issue 5 at an exposure of 0.5: 20,000 electrons full well, 6 electrons of reading.
 const SLOPE: f32 = 1.0 / (0.5 * 20_000.0);
@@ -235,9 +236,23 @@ fn no_lane_looks_at_another() {
             };
             let expected: Vec<f32> = together.chunks_exact(lanes).map(|square| square[lane]).collect();
             let found = separated(&alone, method);
-            // The classical fit stops when all its lanes are done, within its tolerance.
-            let bound = 3e-4 * expected.iter().sum::<f32>().abs() + 1e-7;
-            assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() <= bound), "{method:?}, lane {lane}");
+            assert_eq!(found, expected, "{method:?}, lane {lane}");
+        }
+    }
+}
+
+#[test]
+fn lanes_side_by_side_are_fitted_to_the_bits_of_one_after_the_other() {
+    for (m, lanes, black_variance) in [(8, 37, 1e-7), (16, 48, 0.0), (3, 1, 1e-7), (5, 17, 0.0)] {
+        let mut random = Pcg64Mcg::seed_from_u64(10);
+        let truth = object(m, lanes, &mut random);
+        let noisy = Noisy::new(m, truth, black_variance, &mut random);
+        for noise in [true, false] {
+            let mut combs = noisy.combs();
+            combs.noise = combs.noise.filter(|_| noise);
+            let mut plain = vec![f32::NAN; m * m * lanes];
+            separate_fitted_plain(&combs, &mut plain);
+            assert_eq!(separated(&combs, Method::Fitted), plain, "{m} squares a side, {lanes} lanes, noise: {noise}");
         }
     }
 }
