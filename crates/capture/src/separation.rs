@@ -9,6 +9,7 @@
 mod fitted;
 mod margins;
 mod minimum;
+mod multipliers;
 mod noise;
 mod residual;
 mod table;

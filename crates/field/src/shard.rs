@@ -16,7 +16,7 @@ use crate::{Blocks, Extent, FieldError, zarr};
 
 /// The zstd frame of each square of one block; `None` for a square without light there. `values` are
 /// `[square][channel][row][column]` of the pixels in `extent`, which the block may overhang.
-pub(crate) fn compress(blocks: &Blocks, extent: &Extent, values: &[f16]) -> io::Result<Vec<Option<Vec<u8>>>> {
+pub(crate) fn compress(blocks: &Blocks, extent: &Extent, values: &[f16]) -> io::Result<Frames> {
     let [height, width] = blocks.block();
     let mut raw = vec![0u8; 3 * height * width * 2];
     let mut compressor = zstd::bulk::Compressor::new(zarr::ZSTD_LEVEL)?;
@@ -45,15 +45,19 @@ fn pad(square: &[f16], extent: &Extent, [height, width]: [usize; 2], raw: &mut [
     }
 }
 
-/// Writes a shard: the frames of all blocks, `[block][square]` with the blocks in row-major order, and their index.
-pub(crate) fn write(out: &mut impl Write, squares: usize, frames: &[Vec<Option<Vec<u8>>>]) -> io::Result<()> {
+/// The compressed squares of a block; `None` for those without light.
+pub(crate) type Frames = Vec<Option<Vec<u8>>>;
+
+/// Writes a shard: the frames of all blocks, `[block][square]` with the blocks in row-major order, and their index. Frees each
+/// frame that is written.
+pub(crate) fn write(out: &mut impl Write, squares: usize, mut frames: Vec<Frames>) -> io::Result<()> {
     let mut index = Vec::with_capacity(squares * frames.len());
     let mut offset = 0u64;
     for square in 0..squares {
-        for block in frames {
-            index.push(match block.get(square).and_then(Option::as_ref) {
+        for block in &mut frames {
+            index.push(match block.get_mut(square).and_then(Option::take) {
                 Some(frame) => {
-                    out.write_all(frame)?;
+                    out.write_all(&frame)?;
                     offset += frame.len() as u64;
                     [offset - frame.len() as u64, frame.len() as u64]
                 }

@@ -10,6 +10,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
+use std::thread::ScopedJoinHandle;
 
 use half::f16;
 use rayon::prelude::*;
@@ -208,10 +209,45 @@ impl FieldWriter {
         tile: [usize; 2],
         values_of: impl Fn(&Extent) -> (Vec<f16>, T) + Sync,
     ) -> Result<Vec<T>, FieldError> {
-        let path = shard_path(&self.field, position, tile);
-        let write = |source| FieldError::Write { path: path.clone(), source };
-        let blocks = self.blocks.in_tile(tile);
-        let compressed: Vec<_> = blocks
+        let (frames, known) = self.compress_tile(position, tile, values_of)?;
+        self.write_shard(position, tile, frames)?;
+        Ok(known)
+    }
+
+    /// Writes all tiles of a position, each as [`FieldWriter::write_blocks`] does; while one goes to the disk the next one
+    /// is made.
+    ///
+    /// # Errors
+    /// As [`FieldWriter::write_blocks`].
+    pub fn write_all_blocks<T: Send>(
+        &self,
+        position: usize,
+        values_of: impl Fn(&Extent) -> (Vec<f16>, T) + Sync,
+    ) -> Result<Vec<T>, FieldError> {
+        std::thread::scope(|scope| {
+            let mut all = Vec::new();
+            let mut earlier: Option<ScopedJoinHandle<Result<(), FieldError>>> = None;
+            for tile in self.blocks.all_tiles() {
+                let (frames, known) = self.compress_tile(position, tile, &values_of)?;
+                all.extend(known);
+                earlier.take().map_or(Ok(()), written)?;
+                earlier = Some(scope.spawn(move || self.write_shard(position, tile, frames)));
+            }
+            earlier.map_or(Ok(()), written)?;
+            Ok(all)
+        })
+    }
+
+    /// The compressed squares of the blocks of a tile.
+    fn compress_tile<T: Send>(
+        &self,
+        position: usize,
+        tile: [usize; 2],
+        values_of: impl Fn(&Extent) -> (Vec<f16>, T) + Sync,
+    ) -> Result<(Vec<shard::Frames>, Vec<T>), FieldError> {
+        let compressed: Vec<_> = self
+            .blocks
+            .in_tile(tile)
             .into_par_iter()
             .map(|extent| {
                 if extent.pixels() == 0 {
@@ -221,14 +257,18 @@ impl FieldWriter {
                 Ok((shard::compress(&self.blocks, &extent, &values)?, Some(known)))
             })
             .collect::<io::Result<_>>()
-            .map_err(write)?;
+            .map_err(|source| FieldError::Write { path: shard_path(&self.field, position, tile), source })?;
         let (frames, known): (Vec<_>, Vec<_>) = compressed.into_iter().unzip();
+        Ok((frames, known.into_iter().flatten().collect()))
+    }
+
+    fn write_shard(&self, position: usize, tile: [usize; 2], frames: Vec<shard::Frames>) -> Result<(), FieldError> {
+        let path = shard_path(&self.field, position, tile);
         if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(write)?;
+            fs::create_dir_all(folder).map_err(|source| FieldError::Write { path: path.clone(), source })?;
         }
         let squares = self.cells.squares() * self.cells.squares();
-        write_atomically(&path, |file| shard::write(file, squares, &frames))?;
-        Ok(known.into_iter().flatten().collect())
+        Ok(write_atomically(&path, |file| shard::write(file, squares, frames))?)
     }
 
     /// Writes how often each pixel of a position was clipped, and then that the position is done.
@@ -387,6 +427,11 @@ impl FieldWriter {
         write_atomically(&path, |file| file.write_all(&frame))?;
         Ok(())
     }
+}
+
+/// What came of a tile that another thread wrote.
+fn written(writing: ScopedJoinHandle<Result<(), FieldError>>) -> Result<(), FieldError> {
+    writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
 /// The file of one tile of one position: the key that Zarr gives its shard.

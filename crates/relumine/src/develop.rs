@@ -136,7 +136,11 @@ impl Development {
 
     /// Number of squares of each position.
     pub fn squares(&self) -> usize {
-        self.developer.capture().setup().cells().squares().pow(2)
+        self.squares_a_side().pow(2)
+    }
+
+    fn squares_a_side(&self) -> usize {
+        self.developer.capture().setup().cells().squares()
     }
 
     /// Positions that an earlier run had done.
@@ -210,31 +214,31 @@ impl Development {
         let scale = FieldWriter::scale_for(developed.transfer_bound());
         let (mut residual, mut residual_of_minimum) = (Residual::default(), Residual::default());
         let mut removed = Removed::default();
-        for tile in self.writer.blocks().all_tiles() {
-            let separated = |extent: &Extent| {
-                let block =
-                    developed.separate_as(extent.columns.clone(), extent.rows.clone(), |transfer, halves| {
-                        to_halves(transfer, scale, halves);
-                    });
-                (block.transfer, (block.residual, block.residual_of_minimum, block.removed))
-            };
-            let keep = self.encoding.packing().map(|packing| Keep::for_error(packing.error));
-            let residuals = match keep {
-                None => self.writer.write_blocks(position, tile, separated)?,
-                Some(keep) => {
-                    let squares = self.developer.capture().setup().cells().squares();
-                    self.writer.write_sketches(position, tile, |extent| {
-                        let (halves, residuals) = separated(extent);
-                        let patches = Patches::new(extent.rows.len(), extent.columns.len());
-                        (Sketch::new(&patches, squares, &halves, scale, &keep), residuals)
-                    })?
-                }
-            };
-            for (fitted, minimum, of_block) in residuals {
-                residual.add(fitted);
-                residual_of_minimum.add(minimum);
-                removed.add(of_block);
+        let separated = |extent: &Extent| {
+            let block = developed.separate_as(extent.columns.clone(), extent.rows.clone(), |transfer, halves| {
+                to_halves(transfer, scale, halves);
+            });
+            (block.transfer, (block.residual, block.residual_of_minimum, block.removed))
+        };
+        let residuals = match self.encoding.packing() {
+            None => self.writer.write_all_blocks(position, separated)?,
+            Some(packing) => {
+                let keep = Keep::for_error(packing.error);
+                let squares = self.squares_a_side();
+                let sketched = |extent: &Extent| {
+                    let (halves, residuals) = separated(extent);
+                    let patches = Patches::new(extent.rows.len(), extent.columns.len());
+                    (Sketch::new(&patches, squares, &halves, scale, &keep), residuals)
+                };
+                let tiles = self.writer.blocks().all_tiles();
+                let of_tiles = tiles.map(|tile| self.writer.write_sketches(position, tile, sketched));
+                of_tiles.collect::<Result<Vec<_>, _>>()?.concat()
             }
+        };
+        for (fitted, minimum, of_block) in residuals {
+            residual.add(fitted);
+            residual_of_minimum.add(minimum);
+            removed.add(of_block);
         }
         let present = developed.present();
         let report = DevelopedReport {

@@ -9,20 +9,20 @@
 //! 2. **Squares** ([`Freed`]): the table that is most likely, if each square is normal about its gated minimum m with
 //!    variance m² + FLOOR · σ², σ² its variance if both its combs saw it alone, and each margin is the sum of its squares
 //!    with the noise of its photograph. A bright square follows its combs, a square in the dark hardly follows their noise.
-//!    The normal equations are solved margin by margin (Gauss–Seidel on the multipliers), much like proportional fitting.
+//!    The normal equations are solved at once (`multipliers.rs`); one sweep over the margins, much like proportional fitting,
+//!    takes what rounding left.
 //! 3. The sums of these squares are the margins that are fitted. What the total has more, or less, cannot be told from noise
 //!    in any one square and is spread evenly over the table, so that sums stay right.
 
-use crate::lanes::{Lanes, add, follow};
+use super::multipliers::{Family, Solver};
 use super::noise::NoiseOfLanes;
 use super::table::Table;
+use crate::lanes::{Lanes, add, follow};
 
 /// Variance of a square in the dark, as a share of σ².
 const FLOOR: f32 = 0.6;
 /// A minimum is gated by z²/(z² + GATE²), z the minimum over its noise.
 const GATE: f32 = 2.0;
-/// Sweeps over the margins of a table; more change relit pictures by less than 1 % of their noise.
-const SWEEPS: usize = 12;
 /// A white frame farther from the combs than this many standard deviations, and than the factor that `fitted` allows,
 /// contradicts them.
 const CONTRADICTION_SIGMAS: f32 = 5.0;
@@ -137,53 +137,11 @@ pub(super) struct Freed<const W: usize> {
     follow: Vec<Lanes<W>>,
     /// `[row][column]`: the variance of a square about its gated minimum.
     variance: Vec<Lanes<W>>,
-    rows: Lines<W>,
-    columns: Lines<W>,
+    rows: Family<W>,
+    columns: Family<W>,
+    solver: Solver<W>,
     /// What is added to every square of the table.
     spread: Lanes<W>,
-}
-
-/// What is known of the margins of one family while squares follow them.
-struct Lines<const W: usize> {
-    multipliers: Vec<Lanes<W>>,
-    /// 1 over the variances of the margin and of all its squares together.
-    weights: Vec<Lanes<W>>,
-    /// Sums of the squares.
-    sums: Vec<Lanes<W>>,
-}
-
-impl<const W: usize> Lines<W> {
-    fn new() -> Self {
-        Self { multipliers: Vec::new(), weights: Vec::new(), sums: Vec::new() }
-    }
-
-    #[inline(always)]
-    fn prepare(&mut self, variances: &[Lanes<W>]) {
-        self.multipliers.clear();
-        self.multipliers.resize(variances.len(), [0.0; W]);
-        self.weights.clear();
-        self.weights.extend_from_slice(variances);
-        self.sums.clear();
-        self.sums.resize(variances.len(), [0.0; W]);
-    }
-
-    #[inline(always)]
-    fn invert_weights(&mut self) {
-        for weight in &mut self.weights {
-            (0..W).for_each(|lane| weight[lane] = 1.0 / weight[lane].max(f32::MIN_POSITIVE));
-        }
-    }
-
-    /// How far the squares of a line follow its photograph, as its variance and theirs say: steps of the multiplier.
-    #[inline(always)]
-    fn step(&mut self, line: usize, margin: &Lanes<W>, variance: &Lanes<W>) -> Lanes<W> {
-        let (multiplier, weight, sum) = (&mut self.multipliers[line], &self.weights[line], &self.sums[line]);
-        let step = std::array::from_fn(|lane| {
-            (margin[lane] - sum[lane] - variance[lane] * multiplier[lane]) * weight[lane]
-        });
-        (0..W).for_each(|lane| multiplier[lane] += step[lane]);
-        step
-    }
 }
 
 impl<const W: usize> Freed<W> {
@@ -193,8 +151,9 @@ impl<const W: usize> Freed<W> {
             light: Vec::new(),
             follow: Vec::new(),
             variance: Vec::new(),
-            rows: Lines::new(),
-            columns: Lines::new(),
+            rows: Family::new(),
+            columns: Family::new(),
+            solver: Solver::new(),
             spread: [0.0; W],
         }
     }
@@ -204,9 +163,10 @@ impl<const W: usize> Freed<W> {
     #[inline(always)]
     pub(super) fn free(&mut self, table: &mut Table<W>, variances: &Variances<W>) {
         self.prepare(table, variances);
-        for _ in 0..SWEEPS {
-            self.sweep(table, variances);
-        }
+        let margins = [table.rows.as_slice(), table.columns.as_slice()];
+        self.solver.solve(&self.variance, margins, &mut self.rows, &mut self.columns);
+        self.apply();
+        self.sweep(table, variances);
         // What the floor of the variance let squares follow is kept apart: fitting needs squares that are not negative.
         let across = table.columns.len();
         self.spread = table.total;
@@ -247,6 +207,20 @@ impl<const W: usize> Freed<W> {
         &self.spread
     }
 
+    /// Adds to the squares what the multipliers say, and adds up their rows.
+    #[inline(always)]
+    fn apply(&mut self) {
+        let across = self.columns.multipliers.len();
+        let squares = self.light.chunks_exact_mut(across).zip(self.variance.chunks_exact(across));
+        for ((light, variance), (sum, of_row)) in squares.zip(self.rows.sums.iter_mut().zip(&self.rows.multipliers)) {
+            *sum = [0.0; W];
+            for ((light, variance), of_column) in light.iter_mut().zip(variance).zip(&self.columns.multipliers) {
+                let step = std::array::from_fn(|lane| of_row[lane] + of_column[lane]);
+                follow(light, variance, &step, sum);
+            }
+        }
+    }
+
     /// Lets squares follow all rows, then all columns; the sums of either are gathered while they follow the other.
     #[inline(always)]
     fn sweep(&mut self, table: &Table<W>, variances: &Variances<W>) {
@@ -254,14 +228,15 @@ impl<const W: usize> Freed<W> {
         self.columns.sums.fill([0.0; W]);
         let squares = self.light.chunks_exact_mut(across).zip(self.variance.chunks_exact(across));
         for (line, (light, variance)) in squares.enumerate() {
-            let step = self.rows.step(line, &table.rows[line], &variances.rows[line]);
+            let step = step(&mut self.rows, line, &table.rows[line], &variances.rows[line]);
             for ((light, variance), sum) in light.iter_mut().zip(variance).zip(&mut self.columns.sums) {
                 follow(light, variance, &step, sum);
             }
         }
         for line in 0..across {
             // The sum is not needed once the step is known.
-            self.columns.sums[line] = self.columns.step(line, &table.columns[line], &variances.columns[line]);
+            let step = step(&mut self.columns, line, &table.columns[line], &variances.columns[line]);
+            self.columns.sums[line] = step;
         }
         let squares = self.light.chunks_exact_mut(across).zip(self.variance.chunks_exact(across));
         for ((light, variance), sum) in squares.zip(&mut self.rows.sums) {
@@ -276,8 +251,8 @@ impl<const W: usize> Freed<W> {
     /// Gated minima, their variances, and those of the margins.
     #[inline(always)]
     fn prepare(&mut self, table: &Table<W>, variances: &Variances<W>) {
-        self.rows.prepare(&variances.rows);
-        self.columns.prepare(&variances.columns);
+        self.rows.begin(&variances.rows);
+        self.columns.begin(&variances.columns);
         let squares = table.rows.len() * table.columns.len();
         for values in [&mut self.light, &mut self.follow, &mut self.variance] {
             values.resize(squares, [0.0; W]);
@@ -290,13 +265,24 @@ impl<const W: usize> Freed<W> {
                 let (row, column) = (&table.rows[j], &table.columns[i]);
                 gate(light, alone, variance, row, column, &variances.rows[j], &variances.columns[i]);
                 add(&mut self.rows.sums[j], light);
-                add(&mut self.rows.weights[j], variance);
-                add(&mut self.columns.weights[i], variance);
+                add(&mut self.columns.sums[i], light);
+                add(&mut self.rows.variances[j], variance);
+                add(&mut self.columns.variances[i], variance);
             }
         }
-        self.rows.invert_weights();
-        self.columns.invert_weights();
+        self.rows.weigh();
+        self.columns.weigh();
     }
+}
+
+/// How far the squares of a line follow its photograph, as its variance and theirs say: a step of the multiplier.
+#[inline(always)]
+fn step<const W: usize>(family: &mut Family<W>, line: usize, margin: &Lanes<W>, variance: &Lanes<W>) -> Lanes<W> {
+    let (multiplier, weight, sum) = (&mut family.multipliers[line], &family.weights[line], &family.sums[line]);
+    let step =
+        std::array::from_fn(|lane| (margin[lane] - sum[lane] - variance[lane] * multiplier[lane]) * weight[lane]);
+    add(multiplier, &step);
+    step
 }
 
 /// The gated minimum of a row and a column, the variance of a square that is alone in both, and that of this square.
