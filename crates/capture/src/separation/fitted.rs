@@ -21,6 +21,8 @@ use super::{Combs, Removed, separate_minimum};
 
 /// Sweeps stop when every row of the table is within this share of the table's total. Halves round to 5·10⁻⁴.
 const TOLERANCE: f32 = 1e-4;
+/// So far from its margin, in standard deviations of its photograph, a row may be besides.
+const TOLERATED_SIGMAS: f32 = 0.02;
 /// Sweeps at most; most tables need fewer than ten.
 const SWEEPS: usize = 30;
 /// A white frame that differs from the combs by more than this factor, and by more than its noise, is no white frame: the
@@ -74,6 +76,7 @@ fn fit_together<const W: usize>(combs: &Combs, squares: &mut [f32]) -> Removed {
                 freed.free(table, variances);
             }
             table.reconcile();
+            fit.tolerate(table, noise.is_some().then(|| variances.rows()));
             fit.run(table);
             if noise.is_some() {
                 let mut of_table = [0.0f32; W];
@@ -126,11 +129,24 @@ struct Fit<const W: usize> {
     /// Sums of rows and columns, or what they are to be scaled by.
     rows: Vec<Lanes<W>>,
     columns: Vec<Lanes<W>>,
+    /// By row: how far from its margin is near enough.
+    tolerances: Vec<Lanes<W>>,
 }
 
 impl<const W: usize> Fit<W> {
     fn new() -> Self {
-        Self { table: Vec::new(), rows: Vec::new(), columns: Vec::new() }
+        Self { table: Vec::new(), rows: Vec::new(), columns: Vec::new(), tolerances: Vec::new() }
+    }
+
+    /// Sets the tolerances of rows whose photographs have these variances, if they have any.
+    #[inline(always)]
+    fn tolerate(&mut self, margins: &Table<W>, variances: Option<&[Lanes<W>]>) {
+        let of_total = margins.total.map(|total| TOLERANCE * total);
+        self.tolerances.clear();
+        self.tolerances.resize(margins.rows.len(), of_total);
+        for (tolerance, variance) in self.tolerances.iter_mut().zip(variances.into_iter().flatten()) {
+            (0..W).for_each(|lane| tolerance[lane] += TOLERATED_SIGMAS * variance[lane].sqrt());
+        }
     }
 
     /// Rescales rows and columns in turn until the table has its margins; the last word have the columns, so the squares add
@@ -156,10 +172,9 @@ impl<const W: usize> Fit<W> {
             let mut worst = [0.0f32; W];
             self.columns.fill([0.0; W]);
             let rows = self.table.chunks_exact_mut(across).zip(&self.rows);
-            for ((row, sum), margin) in rows.zip(&margins.rows) {
+            for ((row, sum), (margin, tolerance)) in rows.zip(margins.rows.iter().zip(&self.tolerances)) {
                 for lane in 0..W {
-                    let off = (sum[lane] - margin[lane]).abs() - TOLERANCE * margins.total[lane];
-                    worst[lane] = worst[lane].max(off);
+                    worst[lane] = worst[lane].max((sum[lane] - margin[lane]).abs() - tolerance[lane]);
                 }
                 let factor = factor(margin, sum, &unfinished);
                 for (square, column) in row.iter_mut().zip(&mut self.columns) {

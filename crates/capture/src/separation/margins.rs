@@ -41,6 +41,11 @@ impl<const W: usize> Variances<W> {
         Self { rows: Vec::new(), columns: Vec::new(), total: [0.0; W] }
     }
 
+    /// Of the rows.
+    pub(super) fn rows(&self) -> &[Lanes<W>] {
+        &self.rows
+    }
+
     #[inline(always)]
     fn measure(&mut self, table: &Table<W>, noise: &NoiseOfLanes<W>) {
         self.rows.clear();

@@ -12,7 +12,7 @@ use crate::Image;
 /// Pixels that one task merges, about: whole rows.
 const BAND: usize = 1 << 16;
 /// Samples of all exposures that are worked on at a time.
-const BLOCK: usize = 1 << 12;
+const BLOCK: usize = 1 << 10;
 
 /// Per code: relative exposure, and variance without light (read noise and rounding). Both are 0 and ∞ where the code is not
 /// safe.
