@@ -3,6 +3,7 @@
 use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 use relumine_radiometry::files::{self, Photograph, Picture};
@@ -137,30 +138,31 @@ impl Developer {
         let Some(black) = self.radiance(position, ShownPattern::Black, &mut losses)? else {
             return Ok(Err(losses));
         };
-        let loaded: Vec<(Option<Merged>, NoiseSamples, Vec<Loss>)> = patterns
-            .par_iter()
-            .map(|pattern| {
-                let mut losses = Vec::new();
-                let mut merged = self.radiance(position, *pattern, &mut losses)?;
-                let samples = merged.as_ref().map(NoiseSamples::of).unwrap_or_default();
-                // What it is uncertain by is in the samples now, and all photographs are held at once.
-                merged.iter_mut().for_each(|merged| merged.variance = Vec::new());
-                Ok((merged, samples, losses))
-            })
-            .collect::<Result<_, CaptureError>>()?;
-        let mut clipped: Vec<u8> = vec![0; black.visibility.len()];
-        let mut count_clipped = |merged: &Merged| {
+        let clipped = Mutex::new(vec![0u8; black.visibility.len()]);
+        let count_clipped = |merged: &Merged| {
+            let mut clipped = clipped.lock().unwrap_or_else(PoisonError::into_inner);
             for (count, seen) in clipped.iter_mut().zip(&merged.visibility) {
                 *count = count.saturating_add(u8::from(*seen == Visibility::Clipped));
             }
         };
         count_clipped(&black);
+        // All photographs are held at once: of each nothing but its radiance.
+        let loaded: Vec<(Option<Image<Radiance>>, NoiseSamples, Vec<Loss>)> = patterns
+            .par_iter()
+            .map(|pattern| {
+                let mut losses = Vec::new();
+                let merged = self.radiance(position, *pattern, &mut losses)?;
+                merged.iter().for_each(count_clipped);
+                let samples = merged.as_ref().map(NoiseSamples::of).unwrap_or_default();
+                Ok((merged.map(|merged| merged.radiance), samples, losses))
+            })
+            .collect::<Result<_, CaptureError>>()?;
+        let clipped = clipped.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut samples = NoiseSamples::of(&black);
         let mut frames = Vec::with_capacity(loaded.len());
-        for (merged, of_frame, lost) in loaded {
-            merged.iter().for_each(&mut count_clipped);
+        for (radiance, of_frame, lost) in loaded {
             samples.add(&of_frame);
-            frames.push(merged.map(|merged| merged.radiance.into_pixels().into_flattened()));
+            frames.push(radiance.map(|radiance| radiance.into_pixels().into_flattened()));
             losses.extend(lost);
         }
         if frames.iter().all(Option::is_none) {

@@ -12,7 +12,6 @@ use relumine_basis::Cell;
 use relumine_radiometry::MeasuredLanes;
 use relumine_radiometry::colour::Correction;
 
-use crate::lanes::for_this_machine;
 use crate::separation::{self, CombNoise, Combs, Method, Removed, Residual, THRESHOLD_SIGMAS};
 use crate::{Loss, PositionNoise, Scheme, Setup};
 
@@ -253,7 +252,7 @@ impl DevelopedPosition<'_> {
     }
 }
 
-for_this_machine! {
+relumine_radiometry::for_this_machine! {
     /// The largest of the values that are numbers; 0 if none is larger.
     fn brightest(values: &[f32]) -> f32 = brightest_together::<64>
 }

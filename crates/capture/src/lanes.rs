@@ -1,4 +1,4 @@
-//! Lanes that are worked on together, and the loops over them compiled for what the machine has.
+//! Lanes that are worked on together.
 
 /// As many lanes as two registers of AVX2 hold: a table of squares of so many stays in the first cache.
 pub(crate) const TOGETHER: usize = 64;
@@ -50,27 +50,3 @@ pub(crate) fn scale<const W: usize>(values: &mut Lanes<W>, factor: &Lanes<W>, su
     (0..W).for_each(|lane| values[lane] *= factor[lane]);
     (0..W).for_each(|lane| sum[lane] += values[lane]);
 }
-
-/// Defines a function that calls `plain`, compiled for AVX2 where the machine has it. Both give the same bits: what is
-/// compiled for AVX2 does the same to every lane, and nothing is fused.
-macro_rules! for_this_machine {
-    ($(#[$about:meta])* fn $name:ident($($argument:ident: $kind:ty),* $(,)?) -> $result:ty = $plain:expr) => {
-        $(#[$about])*
-        fn $name($($argument: $kind),*) -> $result {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn with_avx2($($argument: $kind),*) -> $result {
-                    $plain($($argument),*)
-                }
-                if is_x86_feature_detected!("avx2") {
-                    // SAFETY: the feature was found.
-                    #[allow(unsafe_code)]
-                    return unsafe { with_avx2($($argument),*) };
-                }
-            }
-            $plain($($argument),*)
-        }
-    };
-}
-pub(crate) use for_this_machine;

@@ -12,6 +12,7 @@ mod exposure;
 pub mod files;
 mod homography;
 mod image;
+mod machine;
 mod merge;
 mod noise;
 pub mod projector;

@@ -13,7 +13,7 @@
 //! the two, all totals are scaled so that they add to the white frame (unless it is dark, clipped or contradicts them),
 //! and the margins, cut off at zero, are scaled to their total. Either way the fit then has a solution.
 
-use crate::lanes::{Lanes, TOGETHER, for_this_machine, load, scale, store};
+use crate::lanes::{Lanes, TOGETHER, load, scale, store};
 use super::margins::{Freed, Variances, totals};
 use super::noise::NoiseOfLanes;
 use super::table::Table;
@@ -38,7 +38,7 @@ pub fn separate_fitted(combs: &Combs, squares: &mut [f32]) -> Removed {
     fit(combs, squares)
 }
 
-for_this_machine! {
+relumine_radiometry::for_this_machine! {
     fn fit(combs: &Combs, squares: &mut [f32]) -> Removed = fit_together::<TOGETHER>
 }
 

@@ -189,3 +189,109 @@ fn subtract_product<const W: usize>(value: &mut Lanes<W>, a: &Lanes<W>, b: &Lane
 fn inverse<const W: usize>(value: &Lanes<W>, least: &Lanes<W>) -> Lanes<W> {
     std::array::from_fn(|lane| 1.0 / if value[lane] > least[lane] { value[lane] } else { least[lane] })
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    /// A table, one lane: light and variances of squares, photographs of rows and columns and their variance.
+    struct Case {
+        light: Vec<f32>,
+        variance: Vec<f32>,
+        margins: [Vec<f32>; 2],
+        of_margins: f32,
+    }
+
+    impl Case {
+        /// A table whose brightest square has `snr` times the noise of a photograph.
+        fn new(down: usize, across: usize, snr: f32, random: &mut Pcg64Mcg) -> Self {
+            let light: Vec<f32> = (0..down * across).map(|_| snr * random.random::<f32>().powi(4)).collect();
+            let variance = light.iter().map(|light| light * light + 0.3).collect();
+            let mut noisy = |sum: f32| sum + 3.0 * (random.random::<f32>() - 0.5);
+            let rows = light.chunks_exact(across).map(|row| noisy(row.iter().sum())).collect();
+            let columns = (0..across).map(|i| light.iter().skip(i).step_by(across).sum()).collect::<Vec<f32>>();
+            let columns = columns.into_iter().map(&mut noisy).collect();
+            Self { light, variance, margins: [rows, columns], of_margins: 1.0 }
+        }
+
+        /// What the squares change by, v (λ + μ), as the solver says.
+        fn solved(&self) -> Vec<f64> {
+            let across = self.margins[1].len();
+            let lanes = |values: &[f32]| values.iter().map(|value| [*value]).collect::<Vec<Lanes<1>>>();
+            let margins = [lanes(&self.margins[0]), lanes(&self.margins[1])];
+            let (mut rows, mut columns) = (Family::<1>::new(), Family::<1>::new());
+            rows.begin(&vec![[self.of_margins]; margins[0].len()]);
+            columns.begin(&vec![[self.of_margins]; across]);
+            for (square, (light, variance)) in self.light.iter().zip(&self.variance).enumerate() {
+                let (j, i) = (square / across, square % across);
+                rows.sums[j][0] += light;
+                columns.sums[i][0] += light;
+                rows.variances[j][0] += variance;
+                columns.variances[i][0] += variance;
+            }
+            rows.weigh();
+            columns.weigh();
+            Solver::new().solve(&lanes(&self.variance), [&margins[0], &margins[1]], &mut rows, &mut columns);
+            let step = |square: usize| rows.multipliers[square / across][0] + columns.multipliers[square % across][0];
+            (0..self.light.len()).map(|square| f64::from(self.variance[square] * step(square))).collect()
+        }
+
+        /// The same by Gauss–Seidel, margin by margin in double precision until nothing moves.
+        fn plainly(&self) -> Vec<f64> {
+            let across = self.margins[1].len();
+            let mut change = vec![0.0f64; self.light.len()];
+            let mut multipliers = self.margins.each_ref().map(|family| vec![0.0f64; family.len()]);
+            for _ in 0..200_000 {
+                let mut most = 0.0f64;
+                for family in 0..2 {
+                    for line in 0..self.margins[family].len() {
+                        let members: Vec<usize> = if family == 0 {
+                            (line * across..(line + 1) * across).collect()
+                        } else {
+                            (line..change.len()).step_by(across).collect()
+                        };
+                        let sum: f64 = members.iter().map(|member| f64::from(self.light[*member]) + change[*member]).sum();
+                        let variance: f64 = members.iter().map(|member| f64::from(self.variance[*member])).sum();
+                        let (own, multiplier) = (f64::from(self.of_margins), &mut multipliers[family][line]);
+                        let lacking = f64::from(self.margins[family][line]) - sum - own * *multiplier;
+                        let step = lacking / (variance + own);
+                        *multiplier += step;
+                        most = most.max(lacking.abs());
+                        members.iter().for_each(|member| change[*member] += f64::from(self.variance[*member]) * step);
+                    }
+                }
+                if most < 1e-9 {
+                    break;
+                }
+            }
+            change
+        }
+    }
+
+    #[test]
+    fn the_solution_is_what_sweeps_would_come_to() {
+        let mut random = Pcg64Mcg::seed_from_u64(1940);
+        for (down, across) in [(1, 1), (1, 6), (6, 5), (5, 6), (16, 16)] {
+            for snr in [0.0, 3.0, 30.0, 150.0] {
+                let case = Case::new(down, across, snr, &mut random);
+                let (found, expected) = (case.solved(), case.plainly());
+                // In standard deviations of a photograph.
+                let worst = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(worst < 0.02, "{down} × {across}, brightest {snr} σ: {worst} σ");
+            }
+        }
+    }
+
+    #[test]
+    fn photographs_without_any_noise_break_nothing() {
+        let mut random = Pcg64Mcg::seed_from_u64(7);
+        let mut case = Case::new(5, 6, 30.0, &mut random);
+        case.of_margins = 0.0;
+        assert!(case.solved().iter().all(|change| change.is_finite()));
+        case.variance.fill(0.0);
+        assert!(case.solved().iter().all(|change| *change == 0.0));
+    }
+}

@@ -1,7 +1,7 @@
 //! How well separated squares explain the photographs they came from.
 
 use super::Combs;
-use crate::lanes::{Lanes, TOGETHER, add, for_this_machine, load};
+use crate::lanes::{Lanes, TOGETHER, add, load};
 
 /// How well the squares explain the photographs: sums of squares over lanes, to be added and compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -47,11 +47,11 @@ pub fn residual_of_minimum(combs: &Combs) -> Residual {
     of_minimum(combs)
 }
 
-for_this_machine! {
+relumine_radiometry::for_this_machine! {
     fn of_squares(combs: &Combs, squares: &[f32]) -> Residual = of_squares_together::<TOGETHER>
 }
 
-for_this_machine! {
+relumine_radiometry::for_this_machine! {
     fn of_minimum(combs: &Combs) -> Residual = of_minimum_together::<TOGETHER>
 }
 

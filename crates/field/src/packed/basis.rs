@@ -28,6 +28,11 @@ const ITERATIONS: usize = 8;
 impl Basis {
     /// For the rows, each a vector.
     pub(crate) fn of_rows(rows: &[Vec<f32>], enough: &Enough) -> Self {
+        basis_of(rows, enough)
+    }
+
+    #[inline(always)]
+    fn of_rows_plain(rows: &[Vec<f32>], enough: &Enough) -> Self {
         let mut basis = Self::default();
         let Some(length) = rows.first().map(Vec::len) else { return basis };
         let mut gram = gram(rows, length);
@@ -67,9 +72,14 @@ impl Basis {
     }
 }
 
+relumine_radiometry::for_this_machine! {
+    fn basis_of(rows: &[Vec<f32>], enough: &Enough) -> Basis = Basis::of_rows_plain
+}
+
 /// Steps of a vector of norm 1, for every residual that its component is strong.
 const LEVELS: f32 = 50.0;
 
+#[inline(always)]
 fn gram(rows: &[Vec<f32>], length: usize) -> Vec<f32> {
     let mut gram = vec![0.0f32; length * length];
     for row in rows {
@@ -87,6 +97,7 @@ fn gram(rows: &[Vec<f32>], length: usize) -> Vec<f32> {
     gram
 }
 
+#[inline(always)]
 fn times(matrix: &[f32], vector: &[f32], product: &mut [f32]) {
     product.fill(0.0);
     for (row, value) in matrix.chunks_exact(vector.len()).zip(vector) {
@@ -95,6 +106,7 @@ fn times(matrix: &[f32], vector: &[f32], product: &mut [f32]) {
 }
 
 /// G ← (1 − u uᵀ) G (1 − u uᵀ).
+#[inline(always)]
 fn deflate(gram: &mut [f32], unit: &[f32], product: &mut [f32]) {
     times(gram, unit, product);
     let middle = dot(unit, product);
@@ -106,6 +118,7 @@ fn deflate(gram: &mut [f32], unit: &[f32], product: &mut [f32]) {
 }
 
 /// Σ aᵢ bᵢ, eight sums side by side.
+#[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut lanes = [0.0f32; 8];
     let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -118,6 +131,7 @@ pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
+#[inline(always)]
 pub(crate) fn norm(vector: &[f32]) -> f32 {
     dot(vector, vector).sqrt()
 }
