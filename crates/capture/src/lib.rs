@@ -11,7 +11,6 @@ mod developed;
 mod disagreement;
 mod error;
 mod judging;
-mod lanes;
 mod noise;
 mod pattern;
 mod photographs;

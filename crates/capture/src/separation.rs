@@ -7,6 +7,7 @@
 //! slices of equally many lanes; squares go out as `squares[(v · M + u) · lanes + lane]`.
 
 mod fitted;
+mod lanes;
 mod margins;
 mod minimum;
 mod multipliers;

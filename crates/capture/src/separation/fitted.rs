@@ -13,7 +13,7 @@
 //! the two, all totals are scaled so that they add to the white frame (unless it is dark, clipped or contradicts them),
 //! and the margins, cut off at zero, are scaled to their total. Either way the fit then has a solution.
 
-use crate::lanes::{Lanes, TOGETHER, load, scale, store};
+use super::lanes::{Lanes, TOGETHER, load, scale, store};
 use super::margins::{Freed, Variances, totals};
 use super::noise::NoiseOfLanes;
 use super::table::Table;

@@ -14,10 +14,10 @@
 //! 3. The sums of these squares are the margins that are fitted. What the total has more, or less, cannot be told from noise
 //!    in any one square and is spread evenly over the table, so that sums stay right.
 
+use super::lanes::{Lanes, add, follow};
 use super::multipliers::{Family, Solver};
 use super::noise::NoiseOfLanes;
 use super::table::Table;
-use crate::lanes::{Lanes, add, follow};
 
 /// Variance of a square in the dark, as a share of σ².
 const FLOOR: f32 = 0.6;

@@ -8,7 +8,7 @@
 //! λ and μ are uncertain by a common number that cancels in the squares. A pivot of such a direction is rounding, and is held
 //! above [`PIVOT`]; a sweep over rows and columns afterwards takes what is left.
 
-use crate::lanes::Lanes;
+use super::lanes::Lanes;
 
 /// Least pivot, as a share of the diagonal it came from.
 const PIVOT: f32 = 1e-6;
@@ -117,7 +117,8 @@ impl<const W: usize> Solver<W> {
         let across = columns.weights.len();
         self.weighted.clear();
         for of_row in variance.chunks_exact(across) {
-            self.weighted.extend(of_row.iter().zip(&columns.weights).map(|(variance, weight)| product(variance, weight)));
+            self.weighted
+                .extend(of_row.iter().zip(&columns.weights).map(|(variance, weight)| product(variance, weight)));
         }
         self.system.clear();
         let [of_rows, of_columns] = &mut self.lacking;
@@ -253,7 +254,8 @@ mod tests {
                         } else {
                             (line..change.len()).step_by(across).collect()
                         };
-                        let sum: f64 = members.iter().map(|member| f64::from(self.light[*member]) + change[*member]).sum();
+                        let sum: f64 =
+                            members.iter().map(|member| f64::from(self.light[*member]) + change[*member]).sum();
                         let variance: f64 = members.iter().map(|member| f64::from(self.variance[*member])).sum();
                         let (own, multiplier) = (f64::from(self.of_margins), &mut multipliers[family][line]);
                         let lacking = f64::from(self.margins[family][line]) - sum - own * *multiplier;

@@ -3,7 +3,7 @@
 use relumine_radiometry::NoiseCurve;
 
 use super::Combs;
-use crate::lanes::{Lanes, load};
+use super::lanes::{Lanes, load};
 
 /// The noise of the photographs of which [`Combs`] were made: a frame is (photograph − black) · scale.
 #[derive(Clone, Copy)]

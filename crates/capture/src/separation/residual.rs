@@ -1,7 +1,7 @@
 //! How well separated squares explain the photographs they came from.
 
 use super::Combs;
-use crate::lanes::{Lanes, TOGETHER, add, load};
+use super::lanes::{Lanes, TOGETHER, add, load};
 
 /// How well the squares explain the photographs: sums of squares over lanes, to be added and compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

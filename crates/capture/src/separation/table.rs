@@ -1,7 +1,7 @@
 //! Tables of squares and their margins: what combs of two families say of them.
 
 use super::Combs;
-use crate::lanes::{Lanes, load};
+use super::lanes::{Lanes, load};
 
 /// The squares (u, v) with u ≡ k, v ≡ k', and W lanes of their margins and total.
 pub(super) struct Table<const W: usize> {

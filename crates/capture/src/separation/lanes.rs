@@ -1,14 +1,14 @@
 //! Lanes that are worked on together.
 
-/// As many lanes as two registers of AVX2 hold: a table of squares of so many stays in the first cache.
-pub(crate) const TOGETHER: usize = 64;
+/// So many that compilers make loops of them, and few enough that a table of squares stays in the first two caches.
+pub(super) const TOGETHER: usize = 64;
 
 /// Values of lanes side by side.
-pub(crate) type Lanes<const W: usize> = [f32; W];
+pub(super) type Lanes<const W: usize> = [f32; W];
 
 /// The lanes of a frame from `at` on; zero beyond its end.
 #[inline(always)]
-pub(crate) fn load<const W: usize>(frame: &[f32], at: usize) -> Lanes<W> {
+pub(super) fn load<const W: usize>(frame: &[f32], at: usize) -> Lanes<W> {
     match frame[at..].first_chunk() {
         Some(lanes) => *lanes,
         None => std::array::from_fn(|lane| frame.get(at + lane).copied().unwrap_or(0.0)),
@@ -17,7 +17,7 @@ pub(crate) fn load<const W: usize>(frame: &[f32], at: usize) -> Lanes<W> {
 
 /// Puts lanes back to where they were loaded from.
 #[inline(always)]
-pub(crate) fn store<const W: usize>(frame: &mut [f32], at: usize, lanes: &Lanes<W>) {
+pub(super) fn store<const W: usize>(frame: &mut [f32], at: usize, lanes: &Lanes<W>) {
     match frame[at..].first_chunk_mut() {
         Some(place) => *place = *lanes,
         None => frame[at..].iter_mut().zip(lanes).for_each(|(place, value)| *place = *value),
@@ -28,25 +28,20 @@ pub(crate) fn store<const W: usize>(frame: &mut [f32], at: usize, lanes: &Lanes<
 
 /// sum += values.
 #[inline(always)]
-pub(crate) fn add<const W: usize>(sum: &mut Lanes<W>, values: &Lanes<W>) {
+pub(super) fn add<const W: usize>(sum: &mut Lanes<W>, values: &Lanes<W>) {
     (0..W).for_each(|lane| sum[lane] += values[lane]);
 }
 
 /// values += factor · step, and sum += values.
 #[inline(always)]
-pub(crate) fn follow<const W: usize>(
-    values: &mut Lanes<W>,
-    factor: &Lanes<W>,
-    step: &Lanes<W>,
-    sum: &mut Lanes<W>,
-) {
+pub(super) fn follow<const W: usize>(values: &mut Lanes<W>, factor: &Lanes<W>, step: &Lanes<W>, sum: &mut Lanes<W>) {
     (0..W).for_each(|lane| values[lane] += factor[lane] * step[lane]);
     (0..W).for_each(|lane| sum[lane] += values[lane]);
 }
 
 /// values *= factor, and sum += values.
 #[inline(always)]
-pub(crate) fn scale<const W: usize>(values: &mut Lanes<W>, factor: &Lanes<W>, sum: &mut Lanes<W>) {
+pub(super) fn scale<const W: usize>(values: &mut Lanes<W>, factor: &Lanes<W>, sum: &mut Lanes<W>) {
     (0..W).for_each(|lane| values[lane] *= factor[lane]);
     (0..W).for_each(|lane| sum[lane] += values[lane]);
 }
