@@ -115,7 +115,7 @@ impl DevelopedPosition<'_> {
         f64::from(brightest) * factor * gain
     }
 
-    /// Noise of one photograph, radiance, root mean square over the picture: from the difference between the sum of the
+    /// Noise of one photograph, radiance, root mean square over the measured lanes: from the difference between the sum of the
     /// row combs and the sum of the column combs, which photograph the same light twice; for single squares from their sum
     /// and the white frame. `None` if photographs are missing.
     pub fn noise(&self) -> Option<f64> {

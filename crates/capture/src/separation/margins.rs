@@ -169,7 +169,8 @@ impl<const W: usize> Freed<W> {
     pub(super) fn free(&mut self, table: &mut Table<W>, variances: &Variances<W>) {
         self.prepare(table, variances);
         let margins = [table.rows.as_slice(), table.columns.as_slice()];
-        self.solver.solve(&self.variance, margins, &mut self.rows, &mut self.columns);
+        let of_margins = [variances.rows.as_slice(), variances.columns.as_slice()];
+        self.solver.solve(&self.variance, margins, of_margins, &mut self.rows, &mut self.columns);
         self.apply();
         self.sweep(table, variances);
         // What the floor of the variance let squares follow is kept apart: fitting needs squares that are not negative.
