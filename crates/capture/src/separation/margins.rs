@@ -84,7 +84,7 @@ pub(super) fn totals<const W: usize>(
         }
     }
     // Combs share the error κ of the black frame: their sum has it `blacks_of_all` times, the white frame once.
-    let blacks_of_all = tables.iter().map(|table| blacks(table)).sum::<f32>();
+    let blacks_of_all = tables.iter().map(blacks).sum::<f32>();
     let of_white = noise.of(white);
     // By lane: what the white frame has more than the combs over the variance of that, and what of it is κ.
     let (mut surprise, mut correction) = ([0.0; W], [0.0; W]);
@@ -193,9 +193,9 @@ impl<const W: usize> Freed<W> {
         }
         table.total = [0.0; W];
         for line in table.rows.iter_mut().chain(&mut table.columns) {
-            for lane in 0..W {
-                line[lane] = line[lane].max(0.0);
-                table.total[lane] += 0.5 * line[lane];
+            for (value, total) in line.iter_mut().zip(&mut table.total) {
+                *value = value.max(0.0);
+                *total += 0.5 * *value;
             }
         }
         for lane in 0..W {
