@@ -8,8 +8,8 @@
 //! * **Fitted combs** ([`FieldNoise::Combs`]) are held to totals: of each table of squares by its row and its column combs, of
 //!   all by the white frame. So light that is the same for all squares of a table sees the error of the table's total, however
 //!   uncertain the squares are; and deviations of the light from its mean over the table see those of the squares. A square
-//!   of light S follows its two combs, σ² together, with the variance P σ²/(P + σ²), P = S² + 0.6 σ² what the separation
-//!   lets it vary by. What could not be told from noise was spread evenly, though it may be light of few squares: half of a
+//!   of light S follows its two combs, σ² together, by the share f = P/(P + σ²), P = S² + 0.6 σ² what the separation lets it
+//!   vary by: f² σ² of their noise are in it, and (1 − f)² S² of its light are not. What could not be told from noise was spread evenly, though it may be light of few squares: half of a
 //!   table's spread light in one square is what the deviations see of it.
 //!
 //! S is known with its own error only, so is the standard error. It has nothing of what cutting light into cells costs, of

@@ -117,21 +117,18 @@ fn deflate(gram: &mut [f32], unit: &[f32], product: &mut [f32]) {
     }
 }
 
-/// Σ aᵢ bᵢ, as many sums side by side as hide that one waits for the other.
+/// Σ aᵢ bᵢ, eight sums side by side.
 #[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    const SUMS: usize = 32;
-    let mut sums = [0.0f32; SUMS];
-    let ((whole_a, rest_a), (whole_b, rest_b)) = (a.as_chunks::<SUMS>(), b.as_chunks::<SUMS>());
-    for (a, b) in whole_a.iter().zip(whole_b) {
-        (0..SUMS).for_each(|lane| sums[lane] += a[lane] * b[lane]);
+    let mut lanes = [0.0f32; 8];
+    let (mut left, mut right) = (a.chunks_exact(8), b.chunks_exact(8));
+    for (a, b) in (&mut left).zip(&mut right) {
+        for lane in 0..8 {
+            lanes[lane] += a[lane] * b[lane];
+        }
     }
-    let rest: f32 = rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum();
-    let mut eight = [0.0f32; 8];
-    for sums in sums.as_chunks::<8>().0 {
-        (0..8).for_each(|lane| eight[lane] += sums[lane]);
-    }
-    eight.iter().sum::<f32>() + rest
+    let rest: f32 = left.remainder().iter().zip(right.remainder()).map(|(a, b)| a * b).sum();
+    lanes.iter().sum::<f32>() + rest
 }
 
 #[inline(always)]

@@ -58,20 +58,19 @@ impl Coder {
 
     /// Codes `values` to about `error`; leaves what is lost.
     pub(crate) fn code(&self, id: u16, values: &mut [f32], error: f64) -> OwnedAtom {
-        code(self, id, values, error)
-    }
-
-    #[inline(always)]
-    fn code_plain(&self, id: u16, values: &mut [f32], error: f64) -> OwnedAtom {
         // One after the other: units are not quite orthogonal, so what the earlier ones say must not be said again.
         let mut left = values.to_vec();
-        let mut exact = vec![0.0; self.basis.units.len()];
-        for (value, (unit, again)) in exact.iter_mut().zip(self.basis.units.iter().zip(&self.again)) {
-            if !again {
-                *value = dot(unit, &left);
-                take(&mut left, *value, unit);
-            }
-        }
+        let exact: Vec<f32> = self
+            .basis
+            .units
+            .iter()
+            .zip(&self.again)
+            .map(|(unit, again)| {
+                let value = if *again { 0.0 } else { dot(unit, &left) };
+                left.iter_mut().zip(unit).for_each(|(left, unit)| *left -= value * unit);
+                value
+            })
+            .collect();
         let (length, exponent) = self.shape(&exact, error);
         let scale = ((exponent - EXPONENT) as f32).exp2();
         let mut coefficients = vec![0i8; length];
@@ -79,7 +78,8 @@ impl Coder {
             let step = self.steps[component] * scale;
             *coefficient = quantise(dot(unit, values) / step);
             if *coefficient != 0 {
-                take(values, f32::from(*coefficient) * step, unit);
+                let value = f32::from(*coefficient) * step;
+                values.iter_mut().zip(unit).for_each(|(left, unit)| *left -= value * unit);
             }
         }
         atom(id, exponent, coefficients)
@@ -134,16 +134,6 @@ impl Coder {
         }
         values
     }
-}
-
-relumine_radiometry::for_this_machine! {
-    fn code(coder: &Coder, id: u16, values: &mut [f32], error: f64) -> OwnedAtom = Coder::code_plain
-}
-
-/// values −= factor · unit.
-#[inline(always)]
-fn take(values: &mut [f32], factor: f32, unit: &[f32]) {
-    values.iter_mut().zip(unit).for_each(|(value, unit)| *value -= factor * unit);
 }
 
 /// To the nearest, but a little more readily to zero: zeros cost least.

@@ -150,8 +150,11 @@ impl Scratch {
             let alone = row * column / (row + column).max(f64::MIN_POSITIVE);
             let light = squares[*square].max(0.0);
             let varies = light * light + FLOOR * alone;
-            self.follows[*square] = varies / (varies + alone).max(f64::MIN_POSITIVE);
-            self.variance[*square] = (self.follows[*square] + REMAINDER) * alone + spread;
+            let follows = varies / (varies + alone).max(f64::MIN_POSITIVE);
+            // What it follows of the noise, and what it does not follow of its light.
+            let of_light = ((1.0 - follows) * light).powi(2);
+            self.follows[*square] = follows;
+            self.variance[*square] = (follows * follows + REMAINDER) * alone + of_light + spread;
         }
     }
 }
