@@ -5,9 +5,9 @@
 /// stays as it is.
 #[macro_export]
 macro_rules! for_this_machine {
-    ($(#[$about:meta])* fn $name:ident($($argument:ident: $kind:ty),* $(,)?) -> $result:ty = $plain:expr) => {
+    ($(#[$about:meta])* $seen:vis fn $name:ident($($argument:ident: $kind:ty),* $(,)?) -> $result:ty = $plain:expr) => {
         $(#[$about])*
-        fn $name($($argument: $kind),*) -> $result {
+        $seen fn $name($($argument: $kind),*) -> $result {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]

@@ -29,17 +29,13 @@ const SWEEPS: usize = 30;
 /// combs decide.
 const BELIEVED: f32 = 2.0;
 
-/// Separates by fitting; squares whose comb was not taken become zero, and tables that lack a photograph keep the minimum.
-/// Says what was spread.
-///
-/// # Panics
-/// If `squares` does not hold M² · lanes values.
-pub fn separate_fitted(combs: &Combs, squares: &mut [f32]) -> Removed {
-    fit(combs, squares)
-}
-
 relumine_radiometry::for_this_machine! {
-    fn fit(combs: &Combs, squares: &mut [f32]) -> Removed = fit_together::<TOGETHER>
+    /// Separates by fitting; squares whose comb was not taken become zero, and tables that lack a photograph keep the minimum.
+    /// Says what was spread.
+    ///
+    /// # Panics
+    /// If `squares` does not hold M² · lanes values.
+    pub fn separate_fitted(combs: &Combs, squares: &mut [f32]) -> Removed = fit_together::<TOGETHER>
 }
 
 /// As [`separate_fitted`], one lane after the other.

@@ -272,8 +272,8 @@ impl<const W: usize> Freed<W> {
                 gate(light, alone, variance, row, column, &variances.rows[j], &variances.columns[i]);
                 add(&mut self.rows.sums[j], light);
                 add(&mut self.columns.sums[i], light);
-                add(&mut self.rows.variances[j], variance);
-                add(&mut self.columns.variances[i], variance);
+                add(&mut self.rows.weights[j], variance);
+                add(&mut self.columns.weights[i], variance);
             }
         }
         self.rows.weigh();

@@ -15,8 +15,7 @@ const NOTHING: f32 = 1e-30;
 
 /// One family of margins of a table.
 pub(super) struct Family<const W: usize> {
-    /// The variance of a margin and of all its squares together, and 1 over it.
-    pub(super) variances: Vec<Lanes<W>>,
+    /// 1 over the variances of a margin and of all its squares together; before [`Family::weigh`] the variances themselves.
     pub(super) weights: Vec<Lanes<W>>,
     /// What the squares of a line add up to.
     pub(super) sums: Vec<Lanes<W>>,
@@ -26,26 +25,23 @@ pub(super) struct Family<const W: usize> {
 
 impl<const W: usize> Family<W> {
     pub(super) fn new() -> Self {
-        Self { variances: Vec::new(), weights: Vec::new(), sums: Vec::new(), multipliers: Vec::new() }
+        Self { weights: Vec::new(), sums: Vec::new(), multipliers: Vec::new() }
     }
 
     /// Begins with margins of these variances, without squares.
     #[inline(always)]
     pub(super) fn begin(&mut self, variances: &[Lanes<W>]) {
-        self.variances.clear();
-        self.variances.extend_from_slice(variances);
+        self.weights.clear();
+        self.weights.extend_from_slice(variances);
         self.sums.clear();
         self.sums.resize(variances.len(), [0.0; W]);
-        self.weights.resize(variances.len(), [0.0; W]);
         self.multipliers.resize(variances.len(), [0.0; W]);
     }
 
     /// When all squares are added.
     #[inline(always)]
     pub(super) fn weigh(&mut self) {
-        for (weight, variance) in self.weights.iter_mut().zip(&self.variances) {
-            *weight = inverse(variance);
-        }
+        self.weights.iter_mut().for_each(|weight| *weight = inverse(weight));
     }
 }
 
@@ -245,8 +241,8 @@ mod tests {
                 let (j, i) = (square / across, square % across);
                 rows.sums[j][0] += light;
                 columns.sums[i][0] += light;
-                rows.variances[j][0] += variance;
-                columns.variances[i][0] += variance;
+                rows.weights[j][0] += variance;
+                columns.weights[i][0] += variance;
             }
             rows.weigh();
             columns.weigh();

@@ -36,23 +36,15 @@ impl Residual {
     }
 }
 
-/// Compares separated squares with the photographs they came from. Combs that lack a square are left out, and the white
-/// frame where any square is missing.
-pub fn residual(combs: &Combs, squares: &[f32]) -> Residual {
-    of_squares(combs, squares)
-}
-
-/// As [`residual`], of what [`separate_minimum`](super::separate_minimum) gives.
-pub fn residual_of_minimum(combs: &Combs) -> Residual {
-    of_minimum(combs)
+relumine_radiometry::for_this_machine! {
+    /// Compares separated squares with the photographs they came from. Combs that lack a square are left out, and the white
+    /// frame where any square is missing.
+    pub fn residual(combs: &Combs, squares: &[f32]) -> Residual = of_squares_together::<TOGETHER>
 }
 
 relumine_radiometry::for_this_machine! {
-    fn of_squares(combs: &Combs, squares: &[f32]) -> Residual = of_squares_together::<TOGETHER>
-}
-
-relumine_radiometry::for_this_machine! {
-    fn of_minimum(combs: &Combs) -> Residual = of_minimum_together::<TOGETHER>
+    /// As [`residual`], of what [`separate_minimum`](super::separate_minimum) gives.
+    pub fn residual_of_minimum(combs: &Combs) -> Residual = of_minimum_together::<TOGETHER>
 }
 
 #[inline(always)]
