@@ -1,7 +1,8 @@
 //! Vectors as 8-bit coefficients in a basis.
 
 use crate::packed::Atoms;
-use crate::packed::basis::{Basis, dot};
+use crate::packed::basis::{Basis, sum};
+use crate::packed::product::Matrix;
 
 /// The exponent of coefficients that count whole steps; smaller ones count parts of them.
 pub(crate) const EXPONENT: i32 = 12;
@@ -23,6 +24,12 @@ pub(crate) struct Coder {
     pub(crate) again: Vec<bool>,
     /// By number of components: mean square error of quantising them all.
     noise: Vec<f64>,
+    /// The units as columns.
+    units: Matrix,
+    /// What every unit shows along every other: they are not quite orthogonal.
+    gram: Vec<Vec<f32>>,
+    /// The sum of the values of each unit.
+    sums: Vec<f64>,
 }
 
 impl Coder {
@@ -53,36 +60,29 @@ impl Coder {
             let before = noise[if again[index] { index - 1 } else { index }];
             noise.push(before + of_step);
         }
-        Self { basis: digits, steps, again, noise }
+        let units = Matrix::of_columns(&digits.units);
+        let gram = units.times(&digits.units);
+        let sums = digits.units.iter().map(|unit| sum(unit)).collect();
+        Self { basis: digits, steps, again, noise, units, gram, sums }
     }
 
-    /// Codes `values` to about `error`; leaves what is lost.
-    pub(crate) fn code(&self, id: u16, values: &mut [f32], error: f64) -> OwnedAtom {
-        // One after the other: units are not quite orthogonal, so what the earlier ones say must not be said again.
-        let mut left = values.to_vec();
-        let exact: Vec<f32> = self
-            .basis
-            .units
-            .iter()
-            .zip(&self.again)
-            .map(|(unit, again)| {
-                let value = if *again { 0.0 } else { dot(unit, &left) };
-                left.iter_mut().zip(unit).for_each(|(left, unit)| *left -= value * unit);
-                value
-            })
-            .collect();
-        let (length, exponent) = self.shape(&exact, error);
+    /// What each of `vectors` shows along each component.
+    pub(crate) fn along<V: AsRef<[f32]>>(&self, vectors: &[V]) -> Vec<Vec<f32>> {
+        self.units.times(vectors)
+    }
+
+    /// Codes to about `error` a vector that is `along` the components.
+    pub(crate) fn code(&self, id: u16, mut along: Vec<f32>, error: f64) -> OwnedAtom {
+        let (length, exponent) = self.shape(&exact_parts(&along, &self.again, &self.gram), error);
         let scale = ((exponent - EXPONENT) as f32).exp2();
-        let mut coefficients = vec![0i8; length];
-        for (component, (coefficient, unit)) in coefficients.iter_mut().zip(&self.basis.units).enumerate() {
-            let step = self.steps[component] * scale;
-            *coefficient = quantise(dot(unit, values) / step);
-            if *coefficient != 0 {
-                let value = f32::from(*coefficient) * step;
-                values.iter_mut().zip(unit).for_each(|(left, unit)| *left -= value * unit);
-            }
+        atom(id, exponent, quantised_parts(&mut along[..length], &self.steps, scale, &self.gram))
+    }
+
+    /// Takes from a vector that is `along` the components what `weight` times an atom says.
+    pub(crate) fn take_off(&self, along: &mut [f32], atom: &OwnedAtom, weight: f32) {
+        for (component, value) in self.values(atom, weight).enumerate() {
+            take_off(along, value, &self.gram[component]);
         }
-        atom(id, exponent, coefficients)
     }
 
     /// Codes coefficients along the first components.
@@ -125,18 +125,71 @@ impl Coder {
         (length, (fits.max(fine.floor().clamp(-100.0, 100.0) as i32) + EXPONENT).clamp(0, most))
     }
 
-    pub(crate) fn decode(&self, atom: &OwnedAtom, weight: f32) -> Vec<f32> {
-        let mut values = vec![0.0; self.basis.units.first().map_or(0, Vec::len)];
+    /// What atoms say, as vectors.
+    pub(crate) fn decode<'a>(&self, atoms: impl Iterator<Item = &'a OwnedAtom>) -> Vec<Vec<f32>> {
+        let values: Vec<Vec<f32>> = atoms.map(|atom| self.values(atom, 1.0).collect()).collect();
+        Matrix::of_rows(&self.basis.units).times(&values)
+    }
+
+    /// The sum of the values of `weight` times what an atom says.
+    pub(crate) fn sum(&self, atom: &OwnedAtom, weight: f32) -> f64 {
+        self.values(atom, weight).zip(&self.sums).map(|(value, sum)| f64::from(value) * sum).sum()
+    }
+
+    /// `weight` times the coefficients of an atom, in units of length.
+    fn values(&self, atom: &OwnedAtom, weight: f32) -> impl Iterator<Item = f32> {
         let scale = (f32::from(atom.exponent) - EXPONENT as f32).exp2() * weight;
-        for ((coefficient, step), unit) in atom.coefficients.iter().zip(&self.steps).zip(&self.basis.units) {
-            let value = f32::from(*coefficient) * step * scale;
-            values.iter_mut().zip(unit).for_each(|(sum, unit)| *sum += value * unit);
-        }
-        values
+        atom.coefficients.iter().zip(&self.steps).map(move |(coefficient, step)| f32::from(*coefficient) * step * scale)
     }
 }
 
+// One component after the other: what the earlier ones say must not be said again.
+
+relumine_radiometry::for_this_machine! {
+    /// The parts of a vector along its components, each less what the ones before it say; 0 for second digits.
+    fn exact_parts(along: &[f32], again: &[bool], gram: &[Vec<f32>]) -> Vec<f32> = exact_parts_plain
+}
+
+#[inline(always)]
+fn exact_parts_plain(along: &[f32], again: &[bool], gram: &[Vec<f32>]) -> Vec<f32> {
+    let mut exact = along.to_vec();
+    for component in 0..exact.len() {
+        if again[component] {
+            exact[component] = 0.0;
+        } else {
+            let (before, after) = exact.split_at_mut(component + 1);
+            take_off(after, before[component], &gram[component][component + 1..]);
+        }
+    }
+    exact
+}
+
+relumine_radiometry::for_this_machine! {
+    /// The coefficients of a vector, each of what the ones before it leave.
+    fn quantised_parts(along: &mut [f32], steps: &[f32], scale: f32, gram: &[Vec<f32>]) -> Vec<i8> = quantised_parts_plain
+}
+
+#[inline(always)]
+fn quantised_parts_plain(along: &mut [f32], steps: &[f32], scale: f32, gram: &[Vec<f32>]) -> Vec<i8> {
+    let mut coefficients = vec![0i8; along.len()];
+    for (component, coefficient) in coefficients.iter_mut().enumerate() {
+        let step = steps[component] * scale;
+        let (before, after) = along.split_at_mut(component + 1);
+        *coefficient = quantise(before[component] / step);
+        if *coefficient != 0 {
+            take_off(after, f32::from(*coefficient) * step, &gram[component][component + 1..]);
+        }
+    }
+    coefficients
+}
+
+#[inline(always)]
+fn take_off(along: &mut [f32], value: f32, gram: &[f32]) {
+    along.iter_mut().zip(gram).for_each(|(left, gram)| *left -= value * gram);
+}
+
 /// To the nearest, but a little more readily to zero: zeros cost least.
+#[inline(always)]
 fn quantise(value: f32) -> i8 {
     (value.signum() * (value.abs() + 0.42).floor()).clamp(-127.0, 127.0) as i8
 }

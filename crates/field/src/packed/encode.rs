@@ -2,7 +2,7 @@
 
 use half::slice::HalfFloatSliceExt;
 
-use crate::packed::basis::{Basis, Enough, dot, norm};
+use crate::packed::basis::{Basis, Enough, dot, norm, sum};
 use crate::packed::coder::{Coder, EXPONENT, OwnedAtom};
 use crate::packed::sketch::{PatchSketch, QUARTERS, quarter, quarter_sizes};
 use crate::packed::smooth::Smooth;
@@ -57,59 +57,63 @@ pub(crate) fn pack_patch(
     let groups = Groups::new(squares);
     let least = SQUARE_SHARE * error * power.sqrt();
     let parts: Vec<Parts> = positions.iter().map(|sketch| Parts::of(sketch, &groups, [height, width], least)).collect();
-    let mut rows: Vec<Vec<f32>> = lit.iter().map(|whole| whole.to_vec()).collect();
-    rows.extend(parts.iter().flat_map(|parts| parts.squares.iter().map(|(_, values)| values.clone())));
+    // The wholes of lit positions, then the squares of each.
+    let wholes = lit.len();
+    let mut rows = lit;
+    rows.extend(parts.iter().flat_map(|parts| parts.squares.iter().map(|(_, values)| &values[..])));
     let basis = Basis::of_rows(&rows, &Enough { residual: OF_BASIS * allowed, rank: MOST_RANK });
     let coder = Coder::new(basis, allowed, length);
     let smooth = Smooth::new(&coder, [height, width]);
+    let mut along = coder.along(&rows);
+    let mut along_squares = along.split_off(wholes).into_iter();
+    let mut along_wholes = along.into_iter();
     let mut kept = Kept::default();
     let sizes = groups.sizes();
     let m2 = squares * squares;
-    let atoms = positions
-        .iter()
-        .zip(parts)
-        .map(|(sketch, parts)| {
-            let mut atoms = Vec::new();
-            if sketch.whole.is_empty() {
-                return atoms;
+    let mut atoms = Vec::with_capacity(positions.len());
+    for (sketch, parts) in positions.iter().zip(&parts) {
+        let mut of_position = Vec::new();
+        if sketch.whole.is_empty() {
+            atoms.push(of_position);
+            continue;
+        }
+        let whole = along_wholes.next().expect("one of each lit position");
+        of_position.push(coder.code(sketch.main, whole, OF_WHOLE * allowed));
+        kept.whole += sum(&sketch.whole);
+        kept.power += f64::from(dot(&sketch.whole, &sketch.whole));
+        // Groups first: squares are coded as what they show beyond their group's share.
+        let mut members = sizes.clone();
+        for square in parts.squares.iter().map(|(square, _)| *square).chain([sketch.main]) {
+            members[groups.of(usize::from(square))] -= 1;
+        }
+        let mut of_groups: Vec<Option<OwnedAtom>> = (0..groups.len()).map(|_| None).collect();
+        for group in (0..groups.len()).filter(|group| members[*group] > 0) {
+            let spread = sizes[group] as f32 / members[group] as f32;
+            let rest = &parts.rest[group * 3 * QUARTERS..][..3 * QUARTERS];
+            let atom = coder.code_coefficients((m2 + group) as u16, &smooth.fit(rest, spread), OF_GROUP * allowed);
+            if !atom.coefficients.is_empty() {
+                kept.coarse += coder.sum(&atom, members[group] as f32 / sizes[group] as f32);
+                of_groups[group] = Some(atom);
             }
-            let mut left = sketch.whole.clone();
-            atoms.push(coder.code(sketch.main, &mut left, OF_WHOLE * allowed));
-            kept.whole += sum(&sketch.whole);
-            kept.power += f64::from(dot(&sketch.whole, &sketch.whole));
-            kept.residual += f64::from(dot(&left, &left));
-            // Groups first: squares are coded as what they show beyond their group's share.
-            let mut members = sizes.clone();
-            for square in parts.squares.iter().map(|(square, _)| *square).chain([sketch.main]) {
-                members[groups.of(usize::from(square))] -= 1;
+        }
+        for ((square, values), mut along) in parts.squares.iter().zip(&mut along_squares) {
+            kept.squares += sum(values);
+            let group = groups.of(usize::from(*square));
+            if let Some(share) = &of_groups[group] {
+                coder.take_off(&mut along, share, 1.0 / sizes[group] as f32);
             }
-            let mut shares: Vec<Option<Vec<f32>>> = vec![None; groups.len()];
-            let mut of_groups = Vec::new();
-            for group in (0..groups.len()).filter(|group| members[*group] > 0) {
-                let spread = sizes[group] as f32 / members[group] as f32;
-                let rest = &parts.rest[group * 3 * QUARTERS..][..3 * QUARTERS];
-                let atom = coder.code_coefficients((m2 + group) as u16, &smooth.fit(rest, spread), OF_GROUP * allowed);
-                if !atom.coefficients.is_empty() {
-                    let share = coder.decode(&atom, 1.0 / sizes[group] as f32);
-                    kept.coarse += sum(&share) * members[group] as f64;
-                    shares[group] = Some(share);
-                    of_groups.push(atom);
-                }
+            let atom = coder.code(*square, along, OF_SQUARE * allowed);
+            if !atom.coefficients.is_empty() {
+                of_position.push(atom);
             }
-            for (square, mut values) in parts.squares {
-                kept.squares += sum(&values);
-                if let Some(share) = &shares[groups.of(usize::from(square))] {
-                    values.iter_mut().zip(share).for_each(|(value, share)| *value -= share);
-                }
-                let atom = coder.code(square, &mut values, OF_SQUARE * allowed);
-                if !atom.coefficients.is_empty() {
-                    atoms.push(atom);
-                }
-            }
-            atoms.extend(of_groups);
-            atoms
-        })
-        .collect();
+        }
+        of_position.extend(of_groups.into_iter().flatten());
+        atoms.push(of_position);
+    }
+    let said = coder.decode(atoms.iter().filter_map(|of_position| of_position.first()));
+    for (whole, said) in rows.iter().zip(&said) {
+        kept.residual += whole.iter().zip(said).map(|(whole, said)| f64::from(whole - said).powi(2)).sum::<f64>();
+    }
     let Coder { basis, steps, .. } = coder;
     let scale = 0.5f32.powi(EXPONENT);
     PackedPatch {
@@ -118,10 +122,6 @@ pub(crate) fn pack_patch(
         atoms,
         kept,
     }
-}
-
-fn sum(values: &[f32]) -> f64 {
-    values.iter().map(|value| f64::from(*value)).sum()
 }
 
 /// A sketch cut at the error: squares that show less have gone to the rest of their group.

@@ -19,6 +19,7 @@ mod coder;
 mod encode;
 mod kept;
 mod patches;
+mod product;
 mod sketch;
 pub(crate) mod sketched;
 mod smooth;

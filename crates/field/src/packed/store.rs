@@ -24,8 +24,8 @@ use crate::shard_index::{NOT_STORED, ShardIndex};
 use crate::{Extent, FieldError, zarr};
 
 /// How packed blocks are compressed. They are nearly noise to a matcher: without short matches they come out smaller, and
-/// decompress two to four times as fast.
-const ZSTD_LEVEL: i32 = 17;
+/// decompress two to four times as fast. Level 17 saves another 1 % of noisy rows and 3 % of clean ones, for five times the work.
+const ZSTD_LEVEL: i32 = 9;
 const SHORTEST_MATCH: u32 = 7;
 
 /// The most bytes of a row.
@@ -291,23 +291,19 @@ impl Rows {
     }
 }
 
-fn compress(raw: &[u8]) -> io::Result<Vec<u8>> {
+/// A row, padded to `bytes`.
+fn compress(row: &[u8], bytes: usize) -> io::Result<Vec<u8>> {
+    let mut padded = row.to_vec();
+    padded.resize(bytes, 0);
     let mut compressor = zstd::bulk::Compressor::new(ZSTD_LEVEL)?;
     compressor.include_checksum(true)?;
     compressor.set_parameter(zstd::zstd_safe::CParameter::MinMatch(SHORTEST_MATCH))?;
-    compressor.compress(raw)
+    compressor.compress(&padded)
 }
 
 /// The rows, each padded to `bytes`, and their index.
 fn shard(rows: &[&[u8]], bytes: usize) -> io::Result<Vec<u8>> {
-    let frames: Vec<Vec<u8>> = rows
-        .par_iter()
-        .map(|row| {
-            let mut padded = row.to_vec();
-            padded.resize(bytes, 0);
-            compress(&padded)
-        })
-        .collect::<io::Result<_>>()?;
+    let frames: Vec<Vec<u8>> = rows.par_iter().map(|row| compress(row, bytes)).collect::<io::Result<_>>()?;
     let mut index = Vec::with_capacity(frames.len());
     let mut shard = Vec::new();
     for frame in &frames {
