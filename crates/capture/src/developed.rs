@@ -280,12 +280,7 @@ struct Strip {
 impl Strip {
     fn load(&mut self, position: &DevelopedPosition, pixels: Range<usize>) {
         let lanes = 3 * pixels.len();
-        let load = |from: &[f32], to: &mut [f32]| {
-            let from = from[3 * pixels.start..3 * pixels.end].as_chunks::<3>().0;
-            for (channel, to) in to.chunks_exact_mut(pixels.len()).enumerate() {
-                to.iter_mut().zip(from).for_each(|(to, pixel)| *to = pixel[channel]);
-            }
-        };
+        let load = |from: &[f32], to: &mut [f32]| planar(from[3 * pixels.start..3 * pixels.end].as_chunks().0, to);
         self.frames.resize(position.frames.len() * lanes, 0.0);
         for (to, frame) in self.frames.chunks_exact_mut(lanes).zip(&position.frames) {
             frame.iter().for_each(|frame| load(frame, to));
@@ -301,6 +296,20 @@ impl Strip {
     fn frame(&self, index: usize) -> &[f32] {
         let lanes = self.black.len();
         &self.frames[index * lanes..][..lanes]
+    }
+}
+
+relumine_radiometry::for_this_machine! {
+    /// Pixels as `[channel][pixel]`.
+    fn planar(pixels: &[[f32; 3]], planes: &mut [f32]) -> () = planar_plain
+}
+
+#[inline(always)]
+fn planar_plain(pixels: &[[f32; 3]], planes: &mut [f32]) {
+    let (red, rest) = planes.split_at_mut(pixels.len());
+    let (green, blue) = rest.split_at_mut(pixels.len());
+    for (((pixel, red), green), blue) in pixels.iter().zip(red).zip(green).zip(blue) {
+        [*red, *green, *blue] = *pixel;
     }
 }
 

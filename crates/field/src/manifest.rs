@@ -11,6 +11,7 @@ use relumine_radiometry::files::write_atomically;
 use relumine_radiometry::read_bounded;
 
 use crate::FieldError;
+use crate::journal::Digest;
 
 pub(crate) const NAME: &str = "checksums.b3";
 
@@ -38,11 +39,20 @@ impl fmt::Display for Damage {
     }
 }
 
-/// Lists every file below `field` with its digest.
-pub(crate) fn write(field: &Path) -> Result<(), FieldError> {
-    let digests: Vec<(String, blake3::Hash)> = files_below(field)?
+/// Lists every file below `field` with its digest. The digests of those that are `known`, by name, were taken when they were
+/// written: they are not read again.
+pub(crate) fn write(field: &Path, known: &BTreeMap<String, Digest>) -> Result<(), FieldError> {
+    let names = files_below(field)?;
+    if let Some(missing) = known.keys().find(|name| names.binary_search(name).is_err()) {
+        let reason = "it was written, but is not there any more: start again with --force".into();
+        return Err(FieldError::Damaged { path: field.join(missing), reason });
+    }
+    let digests: Vec<(String, blake3::Hash)> = names
         .into_par_iter()
         .map(|name| {
+            if let Some(Digest(digest)) = known.get(&name) {
+                return Ok((name, *digest));
+            }
             let path = field.join(&name);
             let digest = digest(&path).map_err(|source| FieldError::Read { path, source })?;
             Ok((name, digest))

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::ScopedJoinHandle;
 
 use half::f16;
@@ -18,7 +18,7 @@ use relumine_basis::Cells;
 use relumine_radiometry::files::write_atomically;
 use serde_json::json;
 
-use crate::journal::Journal;
+use crate::journal::{Digest, Entry, Journal};
 use crate::{Blocks, Extent, FieldError, Header, Packing, PositionRecord, manifest, shard, zarr};
 
 /// What an old field is called while a new one takes its name.
@@ -35,7 +35,9 @@ pub struct FieldWriter {
     header: Header,
     cells: Cells,
     blocks: Blocks,
-    journal: Mutex<(Journal, BTreeMap<usize, PositionRecord>)>,
+    journal: Mutex<(Journal, BTreeMap<usize, Entry>)>,
+    /// By position and name: the digests of shards that are on disk, of positions that are not done.
+    shards: Mutex<BTreeMap<usize, BTreeMap<String, Digest>>>,
     /// Held as long as the writer lives: two writers of one field would spoil it.
     _lock: File,
 }
@@ -106,9 +108,9 @@ impl FieldWriter {
             }
             Err(source) => return Err(FieldError::Read { path: input_file, source }),
         }
-        let (journal, records) = Journal::open(&partial.join("journal"))?;
+        let (journal, entries) = Journal::open(&partial.join("journal"))?;
         let cells = header.cells().map_err(geometry)?;
-        let done = records.into_iter().map(|record| (record.position, record)).collect();
+        let done = entries.into_iter().map(|entry| (entry.record.position, entry)).collect();
         Ok(Self {
             path: path.to_path_buf(),
             field,
@@ -116,6 +118,7 @@ impl FieldWriter {
             header,
             cells,
             journal: Mutex::new((journal, done)),
+            shards: Mutex::default(),
             partial,
             _lock: lock,
         })
@@ -151,7 +154,11 @@ impl FieldWriter {
 
     /// The records of positions that are done.
     pub fn done(&self) -> Vec<PositionRecord> {
-        self.journal.lock().map(|journal| journal.1.values().cloned().collect()).unwrap_or_default()
+        self.journal().1.values().map(|entry| entry.record.clone()).collect()
+    }
+
+    fn journal(&self) -> MutexGuard<'_, (Journal, BTreeMap<usize, Entry>)> {
+        self.journal.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Positions that are not done yet.
@@ -263,12 +270,24 @@ impl FieldWriter {
     }
 
     fn write_shard(&self, position: usize, tile: [usize; 2], frames: Vec<shard::Frames>) -> Result<(), FieldError> {
-        let path = shard_path(&self.field, position, tile);
+        let name = shard_name(position, tile);
+        let path = self.field.join(&name);
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|source| FieldError::Write { path: path.clone(), source })?;
         }
         let squares = self.cells.squares() * self.cells.squares();
-        Ok(write_atomically(&path, |file| shard::write(file, squares, frames))?)
+        // The digest of what is written, not of what a disk says it was: and nothing is read again.
+        let mut digest = None;
+        write_atomically(&path, |file| {
+            let mut hashed = Hashed { out: file, hasher: blake3::Hasher::new() };
+            shard::write(&mut hashed, squares, frames)?;
+            digest = Some(Digest(hashed.hasher.finalize()));
+            Ok(())
+        })?;
+        forget_pages(&path);
+        let mut shards = self.shards.lock().unwrap_or_else(PoisonError::into_inner);
+        shards.entry(position).or_default().extend(digest.map(|digest| (name, digest)));
+        Ok(())
     }
 
     /// Writes how often each pixel of a position was clipped, and then that the position is done.
@@ -284,9 +303,11 @@ impl FieldWriter {
             let path = self.field.join(&chunk);
             fs::remove_file(&path).map_err(|source| FieldError::Write { path, source })?;
         }
-        let mut journal = self.journal.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        journal.0.append(&record)?;
-        journal.1.insert(record.position, record);
+        let shards = self.shards.lock().unwrap_or_else(PoisonError::into_inner).remove(&record.position);
+        let entry = Entry { record, shards: shards.unwrap_or_default() };
+        let mut journal = self.journal();
+        journal.0.append(&entry)?;
+        journal.1.insert(entry.record.position, entry);
         Ok(())
     }
 
@@ -374,7 +395,8 @@ impl FieldWriter {
         }
         self.write_json("zarr.json", &zarr::group(&attributes))?;
         remove_leavings(&self.field).map_err(|source| write(&self.field, source))?;
-        manifest::write(&self.field)?;
+        let known = self.journal().1.values().flat_map(|entry| entry.shards.clone()).collect();
+        manifest::write(&self.field, &known)?;
         self.rename().map_err(|source| write(&self.path, source))
     }
 
@@ -434,9 +456,48 @@ fn written(writing: ScopedJoinHandle<Result<(), FieldError>>) -> Result<(), Fiel
     writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
-/// The file of one tile of one position: the key that Zarr gives its shard.
-pub(crate) fn shard_path(field: &Path, position: usize, [row, column]: [usize; 2]) -> PathBuf {
-    field.join(format!("{}/c/{position}/0/0/0/{row}/{column}", zarr::TRANSFER))
+/// What takes the digest of what passes.
+struct Hashed<W> {
+    out: W,
+    hasher: blake3::Hasher,
+}
+
+impl<W: Write> Write for Hashed<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Bytes from which a file is large.
+const LARGE: u64 = 1 << 24;
+
+/// Tells the system that a large file, which is on disk, will not be read soon: its pages serve what is written next, instead of
+/// new ones for every byte of the field. It is advice, so failing it is no failure.
+fn forget_pages(path: &Path) {
+    #[cfg(target_os = "linux")]
+    if let Ok(file) = File::open(path)
+        && file.metadata().is_ok_and(|metadata| metadata.len() >= LARGE)
+    {
+        let _ = rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::DontNeed);
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = path;
+}
+
+/// The file of one tile of one position.
+pub(crate) fn shard_path(field: &Path, position: usize, tile: [usize; 2]) -> PathBuf {
+    field.join(shard_name(position, tile))
+}
+
+/// Its name below the field: the key that Zarr gives the shard.
+fn shard_name(position: usize, [row, column]: [usize; 2]) -> String {
+    format!("{}/c/{position}/0/0/0/{row}/{column}", zarr::TRANSFER)
 }
 
 fn beside(path: &Path, suffix: &str) -> PathBuf {

@@ -99,7 +99,10 @@ impl Gram {
         for row in rows {
             for (i, value) in row.iter().enumerate() {
                 if *value != 0.0 {
-                    entries[i * size..][i..size].iter_mut().zip(&row[i..]).for_each(|(sum, other)| *sum += value * other);
+                    entries[i * size..][i..size]
+                        .iter_mut()
+                        .zip(&row[i..])
+                        .for_each(|(sum, other)| *sum += value * other);
                 }
             }
         }

@@ -139,9 +139,13 @@ impl Sketch {
                     .into_iter()
                     .map(|square| {
                         let of_square = &values[square * 3 * plane..][..3 * plane];
-                        let pixels = (0..3 * height).filter(|index| rows.contains(&(index % height)));
-                        let halves = pixels.flat_map(|index| &of_square[index * width..][columns.clone()]);
-                        (square as u16, halves.copied().collect())
+                        let mut halves = Vec::with_capacity(3 * rows.len() * columns.len());
+                        for plane in of_square.chunks_exact(plane) {
+                            for row in plane.chunks_exact(width).take(rows.end).skip(rows.start) {
+                                halves.extend_from_slice(&row[columns.clone()]);
+                            }
+                        }
+                        (square as u16, halves)
                     })
                     .collect();
                 let mut rest = vec![0.0f32; groups.len() * 3 * QUARTERS];

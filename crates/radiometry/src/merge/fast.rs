@@ -175,6 +175,10 @@ impl Block {
             }
             self.add(i, counts.as_flattened(), stack.camera.black_level());
         }
+        if stack.exposures.len() == 1 && shares.is_none() {
+            self.only(shot, radiance, variance);
+            return;
+        }
         // First estimate: all electrons over all time, as photon noise per exposure.
         let (light, time) = (&mut self.light[..n], &self.time[..n]);
         for s in 0..n {
@@ -184,6 +188,18 @@ impl Block {
         match shares {
             None => self.weigh(radiance, variance),
             Some(shares) => self.weigh_disagreeing(stack, shares, start, radiance, variance),
+        }
+    }
+
+    /// What the only exposure says: no weight makes a difference.
+    fn only(&mut self, shot: f32, radiance: &mut [f32], variance: &mut [f32]) {
+        let n = radiance.len();
+        let (exposure, dark, nothing) = (&self.exposure[..n], &self.dark_variance[..n], &mut self.nothing[..n]);
+        for s in 0..n {
+            let photons = if exposure[s] > 0.0 { exposure[s] * shot } else { 0.0 };
+            radiance[s] = exposure[s] * self.per_longest;
+            variance[s] = (photons + dark[s]) * (self.per_longest * self.per_longest);
+            nothing[s] = u8::from(dark[s] == f32::INFINITY);
         }
     }
 
