@@ -11,7 +11,8 @@ The board of examples/chess on the virtual rig, 16 × 16 squares as combs of spa
               when it has all its positions
 
 Packing follows once, when all positions are developed, so a few positions bear a cost that hundreds share: the run file has
-both, and what they make for the paper's 224 positions at the whole size. The photographs are made anew unless DIR has them.
+both, and what they make for the paper's 224 positions at the whole size. Beside the unpacked field stands what the disk gives a
+plain write in the same round: an unpacked field is 20 MB a photograph. The photographs are made anew unless DIR has them.
 Needs Linux and `cargo build --release`.
 """
 import argparse, datetime, json, os, pathlib, platform, shutil, subprocess, sys, tempfile, threading, time
@@ -97,6 +98,19 @@ def developed(place, *options):
     return report
 
 
+def disk_mb_s():
+    """A plain write of 2 GiB that is on disk in the end: what the disk gives a field that is written."""
+    block, path = os.urandom(1 << 26), work / "plain"
+    started = time.perf_counter()
+    with open(path, "wb", buffering=0) as file:
+        for _ in range(32):
+            file.write(block)
+        os.fsync(file.fileno())
+    took = time.perf_counter() - started
+    path.unlink()
+    return round(32 * len(block) / took / 1e6)
+
+
 few, many = capture("few", arguments.size, "4x1"), capture("many", arguments.many_size, "32x7")
 photographs = sum(1 for _ in open(few / "photographs.csv")) - 1
 load = os.getloadavg()
@@ -106,6 +120,8 @@ for _ in range(arguments.rounds):
                    "packed": developed(few, "--error", arguments.error)})
     for report in rounds[-1].values():
         report["photographs_per_s"] = round(photographs / report["wall_s"], 2)
+    rounds[-1]["unpacked"]["written_mb_s"] = round(rounds[-1]["unpacked"]["bytes"] / rounds[-1]["unpacked"]["wall_s"] / 1e6)
+    rounds[-1]["unpacked"]["plain_write_mb_s"] = disk_mb_s()
     print({name: report["photographs_per_s"] for name, report in rounds[-1].items()})
 of_many = developed(many, "--error", arguments.error)
 blocks = lambda size: [-(-int(side) // 64) for side in size.split("x")]

@@ -130,6 +130,33 @@ fn a_field_written_in_two_goes_is_the_same_to_the_bit() {
 }
 
 #[test]
+fn what_happens_to_a_shard_before_the_field_is_finished_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field");
+    let shard = folder.path().join("field.partial/field/transfer/c/1/0/0/0/0/0");
+    let writer = FieldWriter::open(&path, header(), "input", false).unwrap();
+    write_position(&writer, 1);
+    drop(writer);
+    // A shard that is gone: nothing gets the name of a whole field.
+    let bytes = fs::read(&shard).unwrap();
+    fs::remove_file(&shard).unwrap();
+    let writer = FieldWriter::open(&path, header(), "input", false).unwrap();
+    for position in [0, 2, 3] {
+        write_position(&writer, position);
+    }
+    let error = writer.finish().unwrap_err().to_string();
+    assert!(error.contains("transfer/c/1/0/0/0/0/0") && error.contains("--force"), "{error}");
+    assert!(!path.exists());
+    // One of which a bit has flipped: its digest is that of what was written.
+    let mut spoiled = bytes;
+    spoiled[77] ^= 4;
+    fs::write(&shard, spoiled).unwrap();
+    FieldWriter::open(&path, header(), "input", false).unwrap().finish().unwrap();
+    let damage = ReflectanceField::open(&path).unwrap().verify().unwrap();
+    assert_eq!(damage, [Damage::Changed("transfer/c/1/0/0/0/0/0".into())]);
+}
+
+#[test]
 fn what_is_there_is_not_overwritten_unasked() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("field");

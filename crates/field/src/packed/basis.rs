@@ -283,3 +283,77 @@ pub(crate) fn norm(vector: &[f32]) -> f32 {
 pub(crate) fn sum(values: &[f32]) -> f64 {
     values.iter().map(|value| f64::from(*value)).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows in a space of `rank` dimensions, their strengths falling by halves, and noise.
+    fn rows(number: usize, length: usize, rank: usize, noise: f32) -> Vec<Vec<f32>> {
+        let mut state = 7u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+        };
+        let shapes: Vec<Vec<f32>> = (0..rank).map(|_| (0..length).map(|_| random()).collect()).collect();
+        let row = |_| {
+            let weights: Vec<f32> = (0..rank).map(|shape| random() * 0.5f32.powi(shape as i32)).collect();
+            let light = |i: usize| shapes.iter().zip(&weights).map(|(shape, weight)| weight * shape[i]).sum::<f32>();
+            (0..length).map(|i| light(i) + noise * random()).collect()
+        };
+        (0..number).map(row).collect()
+    }
+
+    /// Root mean square norm of what the basis leaves of the rows, each unit after the other, as often as it changes anything.
+    fn left(basis: &Basis, rows: &[Vec<f32>]) -> f64 {
+        let mut power = 0.0;
+        for row in rows {
+            let mut row = row.clone();
+            for unit in (0..20).flat_map(|_| &basis.units) {
+                let along = dot(&row, unit);
+                row.iter_mut().zip(unit).for_each(|(value, unit)| *value -= along * unit);
+            }
+            power += f64::from(dot(&row, &row));
+        }
+        (power / rows.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn few_rows_and_many_of_one_space_get_a_small_basis_that_leaves_what_was_asked() {
+        for (number, length) in [(40, 192), (191, 192), (192, 192), (600, 192), (5, 12), (60, 12)] {
+            let rank = 5.min(number).min(length);
+            let all = rows(number, length, rank, 1e-3);
+            let slices: Vec<&[f32]> = all.iter().map(Vec::as_slice).collect();
+            let noise = 1e-3 * (length as f64 / 3.0).sqrt();
+            for residual in [8.0 * noise, 2.0 * noise] {
+                let basis = Basis::of_rows(&slices, &Enough { residual, rank: 192 });
+                let (found, left) = (basis.vectors.len(), left(&basis, &all));
+                // Vectors of 8 bits are a little off: what that leaves takes others.
+                assert!(found <= 2 * rank, "{number} × {length}: {found} vectors for {rank} dimensions");
+                assert!(left <= 1.02 * residual, "{number} × {length}: leaves {left}, not {residual}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_few_rows_are_given_the_basis_that_they_have_many_times_over() {
+        // The same rows again and again: what there is to find is the same, found in another space.
+        let few = rows(30, 192, 12, 0.0);
+        let slices: Vec<&[f32]> = few.iter().map(Vec::as_slice).collect();
+        let many: Vec<&[f32]> = slices.iter().copied().cycle().take(30 * 8).collect();
+        let enough = Enough { residual: 0.02, rank: 192 };
+        let [of_few, of_many] = [slices, many].map(|rows| Basis::of_rows(&rows, &enough));
+        assert!(of_few.vectors.len().abs_diff(of_many.vectors.len()) <= 1);
+        for basis in [of_few, of_many] {
+            assert!(left(&basis, &few) <= 0.0204);
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_basis() {
+        let enough = Enough { residual: 0.1, rank: 192 };
+        assert!(Basis::of_rows(&[], &enough).vectors.is_empty());
+        assert!(Basis::of_rows(&[&[0.0; 12][..]; 3], &enough).vectors.is_empty());
+        assert!(Basis::of_rows(&[&[0.0; 12][..]; 30], &enough).vectors.is_empty());
+    }
+}
