@@ -35,10 +35,11 @@ pub enum RawKind {
 impl RawKind {
     /// Tells by content whether a file is a camera's RAW; `bytes` is the whole file.
     pub fn of(bytes: &[u8]) -> Option<Self> {
-        if bytes.get(4..12) == Some(b"ftypcrx ") {
+        // The first box of a CR3 is short. Where its size stands other formats have their names, and the decoder takes them so.
+        if bytes.get(..3) == Some(&[0; 3]) && bytes.get(4..12) == Some(b"ftypcrx ") {
             return Some(Self::Cr3);
         }
-        if !tiff_directories::begins_like_tiff(bytes) {
+        if !tiff_directories::begins_like_tiff(bytes) || bytes.get(6..14) == Some(b"HEAPCCDR") {
             return None;
         }
         if bytes.get(8..10) == Some(b"CR") {

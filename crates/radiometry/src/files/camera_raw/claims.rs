@@ -43,20 +43,21 @@ fn check_directories(bytes: &[u8]) -> Result<(), Fault> {
 }
 
 fn check_directory(directory: &Directory<'_>, bytes: &[u8]) -> Result<(), Fault> {
-    let samples = directory.number(SAMPLES_PER_PIXEL).unwrap_or(1).max(1);
+    let largest = |tag: u16| directory.numbers_of_all(tag).max();
+    let samples = largest(SAMPLES_PER_PIXEL).unwrap_or(1).max(1);
     for (width, height) in [(WIDTH, HEIGHT), (TILE_WIDTH, TILE_HEIGHT)] {
-        if let (Some(width), Some(height)) = (directory.number(width), directory.number(height)) {
+        if let (Some(width), Some(height)) = (largest(width), largest(height)) {
             check_claim(width, height, samples, bytes.len(), SAMPLES_PER_BYTE)?;
         }
     }
     // A tile may reach over the edges of its picture, but not far.
-    if let (Some(width), Some(tile)) = (directory.number(WIDTH), directory.number(TILE_WIDTH))
+    if let (Some(width), Some(tile)) = (largest(WIDTH), largest(TILE_WIDTH))
         && tile > 2 * width + 1024
     {
         return Err(Fault::damaged(format!("a tile of {tile} pixels a row in a picture of {width}")));
     }
     for tag in [STRIP_OFFSETS, TILE_OFFSETS] {
-        for offset in directory.numbers(tag) {
+        for offset in directory.numbers_of_all(tag) {
             check_jpeg(bytes.get(offset as usize..).unwrap_or_default())?;
         }
     }

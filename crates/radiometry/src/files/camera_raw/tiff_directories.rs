@@ -5,12 +5,14 @@ use crate::files::error::Fault;
 
 /// No photograph has more.
 const MOST_DIRECTORIES: usize = 64;
-/// Tags whose values are offsets of further directories: SubIFDs, EXIF, GPS.
-const NESTED: [u16; 3] = [0x014a, 0x8769, 0x8825];
+/// Tags whose values are offsets of further directories: SubIFDs, EXIF, GPS; and the colour profile, which is none, but which
+/// the decoder takes for one.
+const NESTED: [u16; 4] = [0x014a, 0x8769, 0x8825, 0x8773];
 
 /// One directory: the bytes of its entries, twelve each.
 pub(super) struct Directory<'a> {
     file: Bytes<'a>,
+    offset: usize,
     entries: &'a [u8],
 }
 
@@ -25,7 +27,8 @@ pub(super) fn begins_like_tiff(bytes: &[u8]) -> bool {
 }
 
 /// All directories, those of the file's own chain and those nested in them, the first one first. A chain that comes back to a
-/// directory of its own is an error: a decoder may follow it for ever.
+/// directory of its own is an error: a decoder may follow it for ever. So that claims can be held against the file before the
+/// decoder believes them, this is also what only the decoder takes for a directory.
 pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
     let file = Bytes { bytes, little_endian: bytes.starts_with(b"II") };
     let mut chain = Vec::new();
@@ -48,19 +51,61 @@ pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
             return Err(Fault::damaged(format!("more than {MOST_DIRECTORIES} directories")));
         }
         seen.push(offset);
-        let directory = Directory::at(file, offset)?;
-        let nested = NESTED.iter().flat_map(|tag| directory.numbers(*tag).take(MOST_DIRECTORIES));
-        waiting.extend(nested.map(|offset| offset as usize));
+        let Some(directory) = Directory::at_most(file, offset) else { continue };
+        for nested in directory.nested().take(MOST_DIRECTORIES) {
+            match nested {
+                // What is known to be an offset leads to a whole directory, or nowhere.
+                Nested::Offset(0) => {}
+                Nested::Offset(place) => waiting.push(Directory::at(file, place).map(|_| place)?),
+                Nested::Misread(place) => waiting.push(place),
+            }
+        }
         found.push(directory);
     }
     Ok(found)
+}
+
+/// Where a directory may lie.
+enum Nested {
+    /// The file says so.
+    Offset(usize),
+    /// The decoder will look there.
+    Misread(usize),
 }
 
 impl<'a> Directory<'a> {
     fn at(file: Bytes<'a>, offset: usize) -> Result<Self, Fault> {
         let count = usize::from(file.u16(offset).ok_or_else(Fault::early_end)?);
         let entries = file.bytes.get(offset + 2..).and_then(|rest| rest.get(..12 * count));
-        Ok(Self { file, entries: entries.ok_or_else(Fault::early_end)? })
+        Ok(Self { file, offset, entries: entries.ok_or_else(Fault::early_end)? })
+    }
+
+    /// As much of a directory as the file has.
+    fn at_most(file: Bytes<'a>, offset: usize) -> Option<Self> {
+        let count = usize::from(file.u16(offset)?);
+        let rest = &file.bytes[offset + 2..];
+        Some(Self { file, offset, entries: &rest[..12 * count.min(rest.len() / 12)] })
+    }
+
+    /// Where directories lie in this one, and where the decoder looks for some.
+    fn nested(&self) -> impl Iterator<Item = Nested> + use<'a> {
+        let (file, first) = (self.file, self.offset + 2);
+        self.entries.chunks_exact(12).enumerate().flat_map(move |(index, entry)| {
+            let tag = file.number(3, &entry[..2]).unwrap_or_default() as u16;
+            let kind = file.number(3, &entry[2..4]).unwrap_or_default();
+            let offsets = file.numbers_of(entry).map(|offset| Nested::Offset(offset as usize));
+            let is_inside = file.number(4, &entry[4..8]).is_some_and(|count| count <= 4);
+            let place =
+                if is_inside { first + 12 * index + 8 } else { file.u32(first + 12 * index + 8).unwrap_or(0) as usize };
+            let misread = match kind {
+                // Of bytes it takes the place, of a type that it does not know the first byte.
+                7 => Some(place),
+                1..=12 => None,
+                _ => file.bytes.get(place).map(|first| usize::from(*first)),
+            };
+            let is_nested = NESTED.contains(&tag);
+            offsets.chain(misread.map(Nested::Misread)).filter(move |_| is_nested)
+        })
     }
 
     /// The directory that a maker wrote into the EXIF, if this is the EXIF and the maker one whose notes are known: Canon's
@@ -109,34 +154,29 @@ impl<'a> Directory<'a> {
     /// The numbers of a tag, bytes, shorts or longs; none where it is not there, is of another type or lies outside of the file.
     pub(super) fn numbers(&self, tag: u16) -> impl Iterator<Item = u64> + use<'a> {
         let file = self.file;
-        let (kind, values) = self.values(tag).unwrap_or_default();
-        values.chunks_exact(size_of_type(kind).max(1)).filter_map(move |value| file.number(kind, value))
+        self.entries_of(tag).take(1).flat_map(move |entry| file.numbers_of(entry))
+    }
+
+    /// The numbers of a tag, of every entry that has it: a decoder may take the last.
+    pub(super) fn numbers_of_all(&self, tag: u16) -> impl Iterator<Item = u64> + use<'a> {
+        let file = self.file;
+        self.entries_of(tag).flat_map(move |entry| file.numbers_of(entry))
     }
 
     /// The text of a tag, up to its first zero.
     pub(super) fn text(&self, tag: u16) -> Option<String> {
-        let (kind, values) = self.values(tag).filter(|(kind, _)| *kind == 2)?;
-        debug_assert_eq!(kind, 2);
+        let (_, values) = self.file.values_of(self.entry(tag)?).filter(|(kind, _)| *kind == 2)?;
         let end = values.iter().position(|byte| *byte == 0).unwrap_or(values.len());
         Some(String::from_utf8_lossy(&values[..end]).trim().to_owned())
     }
 
     fn entry(&self, tag: u16) -> Option<&'a [u8]> {
-        let file = self.file;
-        self.entries.chunks_exact(12).find(|entry| file.number(3, &entry[..2]) == Some(tag.into()))
+        self.entries_of(tag).next()
     }
 
-    /// Type and bytes of the values of a tag.
-    fn values(&self, tag: u16) -> Option<(u16, &'a [u8])> {
-        let entry = self.entry(tag)?;
-        let kind = self.file.number(3, &entry[2..4])? as u16;
-        let count = self.file.number(4, &entry[4..8])? as usize;
-        let length = count.checked_mul(size_of_type(kind))?;
-        if length <= 4 {
-            return Some((kind, &entry[8..8 + length]));
-        }
-        let offset = self.file.number(4, &entry[8..12])? as usize;
-        Some((kind, self.file.bytes.get(offset..)?.get(..length)?))
+    fn entries_of(&self, tag: u16) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        let file = self.file;
+        self.entries.chunks_exact(12).filter(move |entry| file.number(3, &entry[..2]) == Some(tag.into()))
     }
 }
 
@@ -150,7 +190,25 @@ fn size_of_type(kind: u16) -> usize {
     }
 }
 
-impl Bytes<'_> {
+impl<'a> Bytes<'a> {
+    /// Type and bytes of the values of an entry.
+    fn values_of(&self, entry: &'a [u8]) -> Option<(u16, &'a [u8])> {
+        let kind = self.number(3, &entry[2..4])? as u16;
+        let count = self.number(4, &entry[4..8])? as usize;
+        let length = count.checked_mul(size_of_type(kind))?;
+        if length <= 4 {
+            return Some((kind, &entry[8..8 + length]));
+        }
+        let offset = self.number(4, &entry[8..12])? as usize;
+        Some((kind, self.bytes.get(offset..)?.get(..length)?))
+    }
+
+    /// The numbers of an entry, bytes, shorts or longs; none if they are of another type or lie outside of the file.
+    fn numbers_of(self, entry: &'a [u8]) -> impl Iterator<Item = u64> + use<'a> {
+        let (kind, values) = self.values_of(entry).unwrap_or_default();
+        values.chunks_exact(size_of_type(kind).max(1)).filter_map(move |value| self.number(kind, value))
+    }
+
     fn u16(&self, at: usize) -> Option<u16> {
         self.number(3, self.bytes.get(at..)?.get(..2)?).map(|value| value as u16)
     }

@@ -98,6 +98,17 @@ fn raw_files_are_told_from_the_tiff_that_they_resemble() {
     assert_eq!(RawKind::of(b"II\x2a\0\x10\0\0\0CR\x02\0rest"), Some(RawKind::Cr2));
     assert_eq!(RawKind::of(b"\0\0\0\x18ftypcrx \0\0\0\x01"), Some(RawKind::Cr3));
     assert_eq!(RawKind::of(b"II\x2a\0\x08\0\0\0"), None);
+    // What the decoder would take for a JPEG of a camera, for a Minolta's RAW, for a Canon's of before CR2.
+    for other in [&b"\xff\xd8\xff\xe1ftypcrx \0\0\x80\x01"[..], b"\0MRMftypcrx \0\0\0\x01"] {
+        assert_eq!(RawKind::of(other), None);
+    }
+    let mut canon = [&b"MM\0\x2a\0\0HEAPCCDR"[..], &[0; 20_000]].concat();
+    let version = [0, 1, 0xc6, 0x12, 0, 4, 0, 0, 0, 1, 1, 4, 0, 0];
+    canon[0x4845..][..version.len()].copy_from_slice(&version);
+    assert_eq!(RawKind::of(&canon), None);
+    canon[6..8].copy_from_slice(&[0x48, 0x45]);
+    canon[13] = b'S';
+    assert_eq!(RawKind::of(&canon), Some(RawKind::Dng), "but for its name");
 }
 
 #[test]
@@ -137,6 +148,33 @@ fn claims_that_the_bytes_cannot_hold_are_refused_before_decoding() {
     ];
     let error = photograph(&cr3.concat()).unwrap_err().to_string();
     assert!(error.contains("60000 × 60000"), "{error}");
+}
+
+#[test]
+fn claims_are_found_where_only_the_decoder_looks_for_them() {
+    let entry = |tag: u16, kind: u16, count: u32, value: u32| {
+        let numbers = [tag.to_le_bytes(), kind.to_le_bytes()].concat();
+        [numbers, count.to_le_bytes().to_vec(), value.to_le_bytes().to_vec()].concat()
+    };
+    let directory = |entries: &[Vec<u8>]| [(entries.len() as u16).to_le_bytes().to_vec(), entries.concat()].concat();
+    let dng = |nested: Vec<u8>| {
+        let first = directory(&[nested, entry(0xc612, 4, 1, 0x0401)]);
+        // 38 bytes, then a directory that claims gigabytes; it breaks off behind its first entry.
+        let second = [&[9, 0][..], &entry(0x0100, 1, 0xe800_0000, 0)].concat();
+        [&b"II\x2a\0\x08\0\0\0"[..], &first, &[0; 4], &second].concat()
+    };
+    // The EXIF and sub-directories as bytes and of no known type, a colour profile; 38 in every reading.
+    for nested in [entry(0x8769, 7, 9, 38), entry(0x014a, 0x24, 1, 38), entry(0x8773, 7, 9, 38)] {
+        let bytes = dng(nested);
+        assert_eq!(RawKind::of(&bytes), Some(RawKind::Dng));
+        let error = photograph(&bytes).unwrap_err().to_string();
+        assert!(error.contains("a tag with 3892314112 values"), "{error}");
+    }
+    // A width that stands there twice.
+    let twice = [entry(0x0100, 4, 1, 20), entry(0x0100, 4, 1, 9000), entry(0x0101, 4, 1, 9000), entry(0xc612, 4, 1, 1)];
+    let error =
+        photograph(&[&b"II\x2a\0\x08\0\0\0"[..], &directory(&twice), &[0; 4]].concat()).unwrap_err().to_string();
+    assert!(error.contains("too short for 9000 × 9000"), "{error}");
 }
 
 #[test]
