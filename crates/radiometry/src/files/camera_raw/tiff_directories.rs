@@ -44,7 +44,7 @@ pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
     let (mut waiting, mut seen, mut found) = (chain, Vec::new(), Vec::new());
     waiting.reverse();
     while let Some(offset) = waiting.pop() {
-        if offset == 0 || seen.contains(&offset) {
+        if seen.contains(&offset) {
             continue;
         }
         if found.len() == MOST_DIRECTORIES {
@@ -54,8 +54,8 @@ pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
         let Some(directory) = Directory::at_most(file, offset) else { continue };
         for nested in directory.nested().take(MOST_DIRECTORIES) {
             match nested {
-                // What is known to be an offset leads to a whole directory, or nowhere.
-                Nested::Offset(0) => {}
+                // What is known to be an offset leads to a whole directory; 0 says that there is none, but the decoder looks.
+                Nested::Offset(0) => waiting.push(0),
                 Nested::Offset(place) => waiting.push(Directory::at(file, place).map(|_| place)?),
                 Nested::Misread(place) => waiting.push(place),
             }

@@ -170,6 +170,15 @@ fn claims_are_found_where_only_the_decoder_looks_for_them() {
         let error = photograph(&bytes).unwrap_err().to_string();
         assert!(error.contains("a tag with 3892314112 values"), "{error}");
     }
+    // Nowhere, which is the beginning of the file: "II" entries, one of which claims two gigabytes.
+    let nowhere = [
+        &b"II\x2a\0\x08\0\0\0"[..],
+        &directory(&[entry(0x8769, 4, 1, 0), entry(0xc612, 4, 1, 1)]),
+        &[0; 4],
+        &[0x86; 600],
+    ];
+    let error = photograph(&nowhere.concat()).unwrap_err().to_string();
+    assert!(error.contains("a tag with"), "{error}");
     // A width that stands there twice.
     let twice = [entry(0x0100, 4, 1, 20), entry(0x0100, 4, 1, 9000), entry(0x0101, 4, 1, 9000), entry(0xc612, 4, 1, 1)];
     let error =
