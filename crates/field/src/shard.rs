@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
+use relumine_radiometry::files::write_atomically;
 
+use crate::journal::Digest;
 use crate::shard_index::{NOT_STORED, ShardIndex};
 use crate::{Blocks, Extent, FieldError, zarr};
 
@@ -50,7 +52,7 @@ pub(crate) type Frames = Vec<Option<Vec<u8>>>;
 
 /// Writes a shard: the frames of all blocks, `[block][square]` with the blocks in row-major order, and their index. Frees each
 /// frame that is written.
-pub(crate) fn write(out: &mut impl Write, squares: usize, mut frames: Vec<Frames>) -> io::Result<()> {
+fn write(out: &mut impl Write, squares: usize, mut frames: Vec<Frames>) -> io::Result<()> {
     let mut index = Vec::with_capacity(squares * frames.len());
     let mut offset = 0u64;
     for square in 0..squares {
@@ -66,6 +68,48 @@ pub(crate) fn write(out: &mut impl Write, squares: usize, mut frames: Vec<Frames
         }
     }
     out.write_all(&ShardIndex::to_bytes(&index))
+}
+
+/// Writes a shard to its file; gives the digest of what was written, which is not read for it again.
+pub(crate) fn write_file(path: &Path, squares: usize, frames: Vec<Frames>) -> Result<Digest, FieldError> {
+    let mut hasher = blake3::Hasher::new();
+    write_atomically(path, |file| write(&mut Hashed { out: file, hasher: &mut hasher }, squares, frames))?;
+    forget_pages(path);
+    Ok(Digest(hasher.finalize()))
+}
+
+/// What takes the digest of what passes.
+struct Hashed<'a, W> {
+    out: W,
+    hasher: &'a mut blake3::Hasher,
+}
+
+impl<W: Write> Write for Hashed<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.hasher.update(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Bytes from which a file is large.
+const LARGE: u64 = 1 << 24;
+
+/// Tells the system that a large file, which is on disk, will not be read soon: its pages serve what is written next, instead of
+/// new ones for every byte of the field. It is advice, so failing it is no failure.
+fn forget_pages(path: &Path) {
+    #[cfg(target_os = "linux")]
+    if let Ok(file) = File::open(path)
+        && file.metadata().is_ok_and(|metadata| metadata.len() >= LARGE)
+    {
+        let _ = rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::DontNeed);
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = path;
 }
 
 /// A shard open for reading: its index is in memory, its blocks are read when they are asked for.

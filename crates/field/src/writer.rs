@@ -276,17 +276,9 @@ impl FieldWriter {
             fs::create_dir_all(folder).map_err(|source| FieldError::Write { path: path.clone(), source })?;
         }
         let squares = self.cells.squares() * self.cells.squares();
-        // The digest of what is written, not of what a disk says it was: and nothing is read again.
-        let mut digest = None;
-        write_atomically(&path, |file| {
-            let mut hashed = Hashed { out: file, hasher: blake3::Hasher::new() };
-            shard::write(&mut hashed, squares, frames)?;
-            digest = Some(Digest(hashed.hasher.finalize()));
-            Ok(())
-        })?;
-        forget_pages(&path);
+        let digest = shard::write_file(&path, squares, frames)?;
         let mut shards = self.shards.lock().unwrap_or_else(PoisonError::into_inner);
-        shards.entry(position).or_default().extend(digest.map(|digest| (name, digest)));
+        shards.entry(position).or_default().insert(name, digest);
         Ok(())
     }
 
@@ -454,40 +446,6 @@ impl FieldWriter {
 /// What came of a tile that another thread wrote.
 fn written(writing: ScopedJoinHandle<Result<(), FieldError>>) -> Result<(), FieldError> {
     writing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-}
-
-/// What takes the digest of what passes.
-struct Hashed<W> {
-    out: W,
-    hasher: blake3::Hasher,
-}
-
-impl<W: Write> Write for Hashed<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.out.write(bytes)?;
-        self.hasher.update(&bytes[..written]);
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
-    }
-}
-
-/// Bytes from which a file is large.
-const LARGE: u64 = 1 << 24;
-
-/// Tells the system that a large file, which is on disk, will not be read soon: its pages serve what is written next, instead of
-/// new ones for every byte of the field. It is advice, so failing it is no failure.
-fn forget_pages(path: &Path) {
-    #[cfg(target_os = "linux")]
-    if let Ok(file) = File::open(path)
-        && file.metadata().is_ok_and(|metadata| metadata.len() >= LARGE)
-    {
-        let _ = rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::DontNeed);
-    }
-    #[cfg(not(target_os = "linux"))]
-    let _ = path;
 }
 
 /// The file of one tile of one position.

@@ -5,7 +5,7 @@
 //! against the length of the file, and a photograph against the largest that is read.
 
 use super::RawKind;
-use super::tiff_directories::{Directory, begins_like_tiff, directories};
+use super::tiff_directories::{Directory, begins_like_tiff, directories_of_decoder};
 use crate::files::MAX_PIXELS;
 use crate::files::error::{Fault, check_size};
 
@@ -31,7 +31,7 @@ pub(super) fn check(kind: RawKind, bytes: &[u8]) -> Result<(), Fault> {
 }
 
 fn check_directories(bytes: &[u8]) -> Result<(), Fault> {
-    for directory in directories(bytes)? {
+    for directory in directories_of_decoder(bytes)? {
         directory.check_lengths()?;
         // Notes of a maker that are no directory are left to the decoder, which drops them.
         if let Some(Ok(notes)) = directory.maker_notes() {

@@ -5,9 +5,10 @@ use crate::files::error::Fault;
 
 /// No photograph has more.
 const MOST_DIRECTORIES: usize = 64;
-/// Tags whose values are offsets of further directories: SubIFDs, EXIF, GPS; and the colour profile, which is none, but which
-/// the decoder takes for one.
-const NESTED: [u16; 4] = [0x014a, 0x8769, 0x8825, 0x8773];
+/// Tags whose values are offsets of further directories: SubIFDs, EXIF, GPS.
+const NESTED: [u16; 3] = [0x014a, 0x8769, 0x8825];
+/// The colour profile, which is no directory, but which the decoder takes for one.
+const COLOUR_PROFILE: u16 = 0x8773;
 
 /// One directory: the bytes of its entries, twelve each.
 pub(super) struct Directory<'a> {
@@ -27,9 +28,18 @@ pub(super) fn begins_like_tiff(bytes: &[u8]) -> bool {
 }
 
 /// All directories, those of the file's own chain and those nested in them, the first one first. A chain that comes back to a
-/// directory of its own is an error: a decoder may follow it for ever. So that claims can be held against the file before the
-/// decoder believes them, this is also what only the decoder takes for a directory.
+/// directory of its own is an error: a decoder may follow it for ever.
 pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
+    walk(bytes, false)
+}
+
+/// The same, and whatever else the decoder takes for a directory, as far as the file has it: what it claims, the decoder will
+/// believe.
+pub(super) fn directories_of_decoder(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
+    walk(bytes, true)
+}
+
+fn walk(bytes: &[u8], as_decoder: bool) -> Result<Vec<Directory<'_>>, Fault> {
     let file = Bytes { bytes, little_endian: bytes.starts_with(b"II") };
     let mut chain = Vec::new();
     let mut next = file.u32(4).ok_or_else(Fault::early_end)? as usize;
@@ -54,10 +64,9 @@ pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
         let Some(directory) = Directory::at_most(file, offset) else { continue };
         for nested in directory.nested().take(MOST_DIRECTORIES) {
             match nested {
-                // What is known to be an offset leads to a whole directory; 0 says that there is none, but the decoder looks.
-                Nested::Offset(0) => waiting.push(0),
                 Nested::Offset(place) => waiting.push(Directory::at(file, place).map(|_| place)?),
-                Nested::Misread(place) => waiting.push(place),
+                Nested::Misread(place) if as_decoder => waiting.push(place),
+                Nested::Misread(_) => {}
             }
         }
         found.push(directory);
@@ -69,7 +78,7 @@ pub(super) fn directories(bytes: &[u8]) -> Result<Vec<Directory<'_>>, Fault> {
 enum Nested {
     /// The file says so.
     Offset(usize),
-    /// The decoder will look there.
+    /// Only the decoder looks there.
     Misread(usize),
 }
 
@@ -93,18 +102,22 @@ impl<'a> Directory<'a> {
         self.entries.chunks_exact(12).enumerate().flat_map(move |(index, entry)| {
             let tag = file.number(3, &entry[..2]).unwrap_or_default() as u16;
             let kind = file.number(3, &entry[2..4]).unwrap_or_default();
-            let offsets = file.numbers_of(entry).map(|offset| Nested::Offset(offset as usize));
+            let (is_nested, is_profile) = (NESTED.contains(&tag), tag == COLOUR_PROFILE);
+            let said = file.numbers_of(entry).filter_map(move |offset| match offset as usize {
+                // 0 says that there is none.
+                place if is_nested && place != 0 => Some(Nested::Offset(place)),
+                place => (kind == 4).then_some(Nested::Misread(place)),
+            });
             let is_inside = file.number(4, &entry[4..8]).is_some_and(|count| count <= 4);
-            let place =
-                if is_inside { first + 12 * index + 8 } else { file.u32(first + 12 * index + 8).unwrap_or(0) as usize };
+            let value = first + 12 * index + 8;
+            let place = if is_inside { value } else { file.u32(value).unwrap_or(0) as usize };
             let misread = match kind {
                 // Of bytes it takes the place, of a type that it does not know the first byte.
                 7 => Some(place),
                 1..=12 => None,
                 _ => file.bytes.get(place).map(|first| usize::from(*first)),
             };
-            let is_nested = NESTED.contains(&tag);
-            offsets.chain(misread.map(Nested::Misread)).filter(move |_| is_nested)
+            said.chain(misread.map(Nested::Misread)).filter(move |_| is_nested || is_profile)
         })
     }
 

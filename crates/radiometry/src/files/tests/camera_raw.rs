@@ -98,6 +98,13 @@ fn raw_files_are_told_from_the_tiff_that_they_resemble() {
     assert_eq!(RawKind::of(b"II\x2a\0\x10\0\0\0CR\x02\0rest"), Some(RawKind::Cr2));
     assert_eq!(RawKind::of(b"\0\0\0\x18ftypcrx \0\0\0\x01"), Some(RawKind::Cr3));
     assert_eq!(RawKind::of(b"II\x2a\0\x08\0\0\0"), None);
+    // A colour profile is no directory and 0 no place, whatever the decoder makes of them.
+    let with_profile = [
+        (0x8825, Value::Longs(vec![0])),
+        (0x8773, Value::Bytes(vec![255; 600])),
+        (0xc612, Value::Bytes(vec![1, 4, 0, 0])),
+    ];
+    assert_eq!(RawKind::of(&tiff(&with_profile)), Some(RawKind::Dng));
     // What the decoder would take for a JPEG of a camera, for a Minolta's RAW, for a Canon's of before CR2.
     for other in [&b"\xff\xd8\xff\xe1ftypcrx \0\0\x80\x01"[..], b"\0MRMftypcrx \0\0\0\x01"] {
         assert_eq!(RawKind::of(other), None);
